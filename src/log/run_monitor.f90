@@ -53,11 +53,15 @@ contains
     if (self%log%due()) call self%log%progress(progress_line(history, tolerance, measure))
   end subroutine log_monitor_step
 
-  !> A detail of the log.
+  !> A detail of the log, or a warning.
   subroutine log_monitor_note(self, text)
     class(log_monitor_t), intent(inout) :: self
     character(*), intent(in) :: text  !! Label and text.
-    call self%log%detail('  '//text)
+    if (index(text, 'warning') == 1) then
+      call self%log%line('  '//text)
+    else
+      call self%log%detail('  '//text)
+    end if
   end subroutine log_monitor_note
 
   !> End the live line.
