@@ -245,7 +245,7 @@ contains
   subroutine note_no_memory(reason, monitor)
     integer, intent(in) :: reason  !! One of `reason_*`.
     type(log_monitor_t), intent(inout) :: monitor  !! Gets the line.
-    call monitor%log%line('  warning          '//sentence(reason)//', and the memory does not suffice for factors')
+    call monitor%warn(sentence(reason)//', and the memory does not suffice for factors')
   end subroutine note_no_memory
 
   !> Bodies that were split get factors.

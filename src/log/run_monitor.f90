@@ -1,4 +1,4 @@
-!> The monitor of a run: steps as a live line, notes as lines of the log, phases as the timing of the run.
+!> The monitor of a run: steps as a live line, notes as details of the log, warnings as lines, phases as the timing of the run.
 module dotyk_log_run_monitor
   use dotyk_base_kinds, only: dp
   use dotyk_base_log, only: log_t
@@ -21,6 +21,7 @@ module dotyk_log_run_monitor
     procedure :: begin => log_monitor_begin
     procedure :: step => log_monitor_step
     procedure :: note => log_monitor_note
+    procedure :: warn => log_monitor_warn
     procedure :: finish => log_monitor_finish
     procedure :: lap => log_monitor_lap
     procedure :: begin_phase => log_monitor_begin_phase
@@ -53,16 +54,19 @@ contains
     if (self%log%due()) call self%log%progress(progress_line(history, tolerance, measure))
   end subroutine log_monitor_step
 
-  !> A detail of the log, or a warning.
+  !> A detail of the log.
   subroutine log_monitor_note(self, text)
     class(log_monitor_t), intent(inout) :: self
     character(*), intent(in) :: text  !! Label and text.
-    if (index(text, 'warning') == 1) then
-      call self%log%line('  '//text)
-    else
-      call self%log%detail('  '//text)
-    end if
+    call self%log%detail('  '//text)
   end subroutine log_monitor_note
+
+  !> A warning in the log.
+  subroutine log_monitor_warn(self, text)
+    class(log_monitor_t), intent(inout) :: self
+    character(*), intent(in) :: text  !! What it warns of.
+    call self%log%line('  warning          '//text)
+  end subroutine log_monitor_warn
 
   !> End the live line.
   subroutine log_monitor_finish(self)

@@ -13,6 +13,7 @@ module dotyk_scheme_monitor
   contains
     procedure :: step => monitor_step
     procedure :: note => monitor_note
+    procedure :: warn => monitor_warn
     procedure :: finish => monitor_finish
     procedure :: begin_phase => monitor_begin_phase
   end type monitor_t
@@ -29,13 +30,21 @@ contains
     end associate
   end subroutine monitor_step
 
-  !> Something is worth a line of the log.
+  !> A detail of the solution.
   subroutine monitor_note(self, text)
     class(monitor_t), intent(inout) :: self
     character(*), intent(in) :: text  !! A label of at most 16 letters, and the text.
     associate (not_needed => same_type_as(self, self), nor_this => text)
     end associate
   end subroutine monitor_note
+
+  !> Something that the user should know.
+  subroutine monitor_warn(self, text)
+    class(monitor_t), intent(inout) :: self
+    character(*), intent(in) :: text  !! What it warns of.
+    associate (not_needed => same_type_as(self, self), nor_this => text)
+    end associate
+  end subroutine monitor_warn
 
   !> Another phase begins.
   subroutine monitor_begin_phase(self, phase)

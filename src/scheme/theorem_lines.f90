@@ -34,7 +34,7 @@ contains
         call monitor%note('Theorem 4        best gamma '//to_text(constants%gamma_of_paper(), 4)//', with q = '// &
                           best//' of (40)')
       end if
-      if (state%gamma > constants%gamma_limit()) call monitor%note('warning: gamma = '//to_text(state%gamma)// &
+      if (state%gamma > constants%gamma_limit()) call monitor%warn('gamma = '//to_text(state%gamma)// &
         ' may diverge: the stability limit is '//to_text(constants%gamma_limit()))
     end associate
   end subroutine announce_relaxation
