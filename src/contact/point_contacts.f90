@@ -16,7 +16,6 @@ module dotyk_contact_point_contacts
   use dotyk_contact_facet_set, only: facet_position_and_normal, facet_set_t
   use dotyk_contact_false_overlap, only: is_false_overlap
   use dotyk_contact_projection, only: master_surface_t, project_point, projection_found, projection_t
-  use dotyk_contact_smooth_sheets, only: always_sharp
   use dotyk_mesh_facet, only: cross
   implicit none
   private
@@ -58,9 +57,8 @@ module dotyk_contact_point_contacts
   real(dp), parameter :: min_projected_area = 0.05_dp
   !> The mean normal of the facets at a vertex has no direction where it is shorter than this.
   real(dp), parameter :: no_direction = 1.0e-3_dp
-  !> A vertex inside the surface is pointed where the mean of the unit normals around it is shorter than this: between
-  !> two facets whose common edge is sharp whatever is beside it.
-  real(dp), parameter :: pointed = cos(always_sharp/2)
+  !> A vertex inside the surface is pointed where the mean of the unit normals around it is shorter than this.
+  real(dp), parameter :: pointed = 0.95_dp
 
 contains
 

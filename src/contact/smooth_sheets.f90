@@ -18,7 +18,7 @@ module dotyk_contact_smooth_sheets
   public :: split_sheets, sheet_numbers, sharp_edges, is_smooth_edge, facets_on_chords, facet_entity
 
   !> Edges between facets that differ by more than this are sharp [rad].
-  real(dp), parameter, public :: always_sharp = 50*acos(-1.0_dp)/180
+  real(dp), parameter :: always_sharp = 50*acos(-1.0_dp)/180
   !> Edges between facets that differ by less than this are never sharp for rows: two rows at a vertex with nearly equal
   !> normals would be almost dependent [rad].
   real(dp), parameter, public :: never_sharp = 25*acos(-1.0_dp)/180
