@@ -151,13 +151,15 @@ contains
     type(point_contact_t), allocatable, intent(out) :: contact(:)  !! Contacts (n).
     logical, allocatable :: sharp_a(:, :), sharp_b(:, :)
     allocate (contact(0))
-    call find_vertex_contacts(slave, kind_nodes(surface_a%kind(:surface_a%n_facets)) > slave%set%corners, master, &
-                              radius, .true., contact)
-    call find_vertex_contacts(master, kind_nodes(surface_b%kind(:surface_b%n_facets)) > master%set%corners, slave, &
-                              radius, .false., contact)
-    if (mesh_a%dimension == 2) return
     call sharp_edges(mesh_a%x, surface_a, slave%adjacency, sharp_a)
     call sharp_edges(mesh_b%x, surface_b, master%adjacency, sharp_b)
+    call find_vertex_contacts(slave, sharp_a, &
+                              kind_nodes(surface_a%kind(:surface_a%n_facets)) > slave%set%corners, master, radius, &
+                              .true., contact)
+    call find_vertex_contacts(master, sharp_b, &
+                              kind_nodes(surface_b%kind(:surface_b%n_facets)) > master%set%corners, slave, radius, &
+                              .false., contact)
+    if (mesh_a%dimension == 2) return
     if (any(sharp_a) .or. any(sharp_b)) call find_edge_contacts(slave, master, sharp_a, sharp_b, radius, contact)
     if (any(sharp_a) .and. any(sharp_b)) &
       call find_parallel_edges(slave, master, sharp_a, sharp_b, &

@@ -58,14 +58,16 @@ module dotyk_contact_point_contacts
   !> The mean normal of the facets at a vertex has no direction where it is shorter than this.
   real(dp), parameter :: no_direction = 1.0e-3_dp
   !> A vertex inside the surface is pointed where the mean of the unit normals around it is shorter than this.
-  real(dp), parameter :: pointed = 0.95_dp
+  !> A smooth ridge is not, as of a cylinder of few facets: its normals lie in a plane, up to the sine `in_plane`.
+  real(dp), parameter :: pointed = 0.95_dp, in_plane = 0.1_dp
 
 contains
 
   !> Contacts of pointed vertices of one surface, and of the mid-side nodes of its sharp edges, with facets of the
   !> other.
-  subroutine find_vertex_contacts(surface, has_mid_nodes, other, radius, is_slave, contact)
+  subroutine find_vertex_contacts(surface, sharp, has_mid_nodes, other, radius, is_slave, contact)
     type(master_surface_t), intent(in) :: surface  !! Surface of the vertices.
+    logical, intent(in) :: sharp(:, :)  !! Its sharp edges (4, n_facets).
     logical, intent(in) :: has_mid_nodes(:)  !! Facets with mid-side nodes (n_facets).
     type(master_surface_t), intent(in) :: other  !! Surface of the facets.
     real(dp), intent(in) :: radius  !! Search radius: greatest distance of a projection [length].
@@ -79,7 +81,8 @@ contains
           f = around(1)
           k = corner_of(set, adjacency, v, f)
           call add_contact(surface, other, around, mean_normal(set, adjacency, v), &
-                           corner_coordinates(set%corners(f), k), k, 0, radius, is_slave, hint, contact)
+                           is_smooth_ridge(set, adjacency, sharp, v), corner_coordinates(set%corners(f), k), k, 0, &
+                           radius, is_slave, hint, contact)
         end associate
       end do
       if (set%dimension == 2) return
@@ -89,10 +92,10 @@ contains
           g = adjacency%neighbour(e, f)
           if (g > 0 .and. g < f) cycle
           if (g == 0) then
-            call add_contact(surface, other, [f], set%axis(:, f), edge_coordinates(set%corners(f), e, 0.5_dp), 0, e, &
-                             radius, is_slave, hint, contact)
+            call add_contact(surface, other, [f], set%axis(:, f), .false., &
+                             edge_coordinates(set%corners(f), e, 0.5_dp), 0, e, radius, is_slave, hint, contact)
           else
-            call add_contact(surface, other, [f, g], (set%axis(:, f) + set%axis(:, g))/2, &
+            call add_contact(surface, other, [f, g], (set%axis(:, f) + set%axis(:, g))/2, .not. sharp(e, f), &
                              edge_coordinates(set%corners(f), e, 0.5_dp), 0, e, radius, is_slave, hint, contact)
           end if
         end do
@@ -101,11 +104,12 @@ contains
   end subroutine find_vertex_contacts
 
   !> Add the contact of one node if it is pointed and has a projection.
-  subroutine add_contact(surface, other, around, mean, xi, corner, edge, radius, is_slave, hint, contact)
+  subroutine add_contact(surface, other, around, mean, is_smooth, xi, corner, edge, radius, is_slave, hint, contact)
     type(master_surface_t), intent(in) :: surface  !! Surface of the node.
     type(master_surface_t), intent(in) :: other  !! Surface of the facets.
     integer, intent(in) :: around(:)  !! Facets at the node (number of facets there).
     real(dp), intent(in) :: mean(3)  !! Mean of their unit normals (3) [].
+    logical, intent(in) :: is_smooth  !! Whether they are a smooth ridge.
     real(dp), intent(in) :: xi(2)  !! Reference coordinates of the node on the first of them (2) [].
     integer, intent(in) :: corner  !! Its corner of this facet, 0 for a mid-side node.
     integer, intent(in) :: edge  !! The edge of the mid-side node, 0 for a corner.
@@ -120,7 +124,7 @@ contains
     real(dp), dimension(3) :: x, normal, foot, xu, xv
     if (.not. norm2(mean) > no_direction) return
     slope = max_slope
-    if (norm2(mean) > pointed) then
+    if (norm2(mean) > pointed .or. is_smooth) then
       if (.not. is_at_boundary(surface%set, surface%adjacency, around, corner, edge)) return
       slope = max_boundary_slope
     end if
@@ -260,6 +264,28 @@ contains
       end do
     end do
   end function is_apex
+
+  !> Whether a vertex lies on a ridge without sharp edges.
+  pure logical function is_smooth_ridge(set, adjacency, sharp, v) result(is_smooth)
+    type(facet_set_t), intent(in) :: set  !! Facets of the surface.
+    type(adjacency_t), intent(in) :: adjacency  !! Neighbours of the facets.
+    logical, intent(in) :: sharp(:, :)  !! Sharp edges (4, n_facets).
+    integer, intent(in) :: v  !! Vertex number.
+    real(dp) :: axis(3), greatest(3)
+    integer :: i
+    greatest = 0
+    associate (around => adjacency%facet(adjacency%start(v):adjacency%start(v + 1) - 1))
+      is_smooth = .not. any([(any(sharp(edges_of_corner(set%corners(around(i)), &
+                                                        corner_of(set, adjacency, v, around(i))), around(i))), &
+                              i=1, size(around))])
+      if (.not. is_smooth) return
+      do i = 2, size(around)
+        axis = cross(set%axis(:, around(1)), set%axis(:, around(i)))
+        if (norm2(axis) > norm2(greatest)) greatest = axis
+      end do
+      is_smooth = maxval(abs(matmul(greatest, set%axis(:, around)))) <= in_plane*norm2(greatest)
+    end associate
+  end function is_smooth_ridge
 
   !> Mean of the facet normals at a vertex, weighted with the angles of the facets there; not of unit length [].
   pure function mean_normal(set, adjacency, v) result(mean)

@@ -33,13 +33,15 @@ class Campaign(dotyk_case.Case):
         self.assertIn("| all | 3 |", text)
 
     def test_geometry(self):
-        """One scene of each kind with forces that are known. A quarter of a shaft in two facets (seed 48) is no wrong
-        number."""
-        for seeds in ("2:10", "48:49"):
+        """One scene of each kind with forces that are known. A ball on one vertex (seed 10) and a quarter of a shaft in
+        two facets (48, 128) give no wrong number in silence; the last one balances."""
+        for seeds in ("2:11", "48:49", "128:129"):
             entries, _ = self.run_seeds("--geometry", seeds=seeds, name="geometry hand")
-        self.assertEqual([entry["seed"] for entry in entries], [*range(2, 10), 48])
-        self.assertEqual([entry["outcome"] for entry in entries[:-1]], ["balances"] * 8)
-        self.assertNotEqual(entries[-1]["outcome"], "silent")
+        outcome = {entry["seed"]: entry["outcome"] for entry in entries}
+        self.assertEqual(list(outcome), [*range(2, 11), 48, 128])
+        self.assertEqual([outcome[seed] for seed in (*range(2, 10), 128)], ["balances"] * 9)
+        self.assertEqual(outcome[10], "says why not")
+        self.assertNotEqual(outcome[48], "silent")
 
     def test_strip_narrower_than_facets(self):
         """A cylinder with a vertex inside a narrow face gets a contact row there."""
