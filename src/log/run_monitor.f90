@@ -1,4 +1,4 @@
-!> The monitor of a run: steps as a live line, notes as details of the log, warnings as lines, phases as the timing of the run.
+!> The monitor of a run: steps as a live line, notes as details of the log, warnings as lines, phases as its timing.
 module dotyk_log_run_monitor
   use dotyk_base_kinds, only: dp
   use dotyk_base_log, only: log_t
