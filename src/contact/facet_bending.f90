@@ -4,9 +4,6 @@
 !> Quadratic facets with pressure at all of their vertices are bent by the contact: the gap has r. Facets with pressure
 !> at vertices none of which a bent facet has are touched between bodies that hardly bend: it has not. Facets at the rim
 !> of the contact, and those without pressure, keep what they have.
-!>
-!> Contact that spans no facet is as stiff as a facet, whatever its own width, which the mesh does not know: the
-!> approach of the bodies there is uncertain by a part of r.
 module dotyk_contact_facet_bending
   use dotyk_base_kinds, only: dp
   use dotyk_contact_corner_interpolation, only: corner_interpolation_t
@@ -15,16 +12,13 @@ module dotyk_contact_facet_bending
   use dotyk_mesh_surface, only: surface_t
   implicit none
   private
-  public :: bending_of_points, narrow_uncertainty
+  public :: bending_of_points, find_contact
 
   type, public :: bending_t  !! What the solutions of a pair have added to its gaps.
     real(dp), allocatable, private :: at_points(:)  !! Nothing yet where not allocated (n_points) [length].
   contains
     procedure :: update => bending_update
   end type bending_t
-
-  !> That part of r, measured: of balls on a block by Hertz, and of balls between plates by finer meshes [].
-  real(dp), parameter :: narrow_part = 0.5_dp
 
 contains
 
@@ -54,6 +48,7 @@ contains
     real(dp), intent(in), optional :: before(:)
     real(dp) :: change(pair%n_points)  !! Changes of the gaps (n_points) [length].
     logical, allocatable :: is_bent(:), is_narrow(:), is_quadratic(:)
+    type(corner_interpolation_t) :: corners
     type(element_kind_t) :: kind
     integer :: k
     change = 0
@@ -64,7 +59,7 @@ contains
       is_quadratic(k) = kind%order > 1
     end do
     if (.not. any(is_quadratic(surface_a%kind))) return
-    call find_contact(pair, surface_a, pressure, is_bent, is_narrow)
+    call find_contact(pair, surface_a, pressure, is_bent, is_narrow, corners)
     associate (n => pair%n_mortar_points)
       associate (quadratic => is_quadratic(surface_a%kind(pair%facet_a(:n))))
         where (is_bent .and. quadratic) change(:n) = pair%bend(:n)
@@ -75,34 +70,15 @@ contains
     end associate
   end function bending_of_points
 
-  !> By how much the gaps of rows with pressure are uncertain where the contact spans no facet [length].
-  function narrow_uncertainty(pair, surface_a, pressure) result(uncertainty)
-    type(contact_pair_t), intent(in) :: pair  !! Contact pair.
-    type(surface_t), intent(in) :: surface_a  !! Its slave surface (surface_a).
-    real(dp), intent(in) :: pressure(:)  !! Pressures of its rows; only their signs count (n_rows) [pressure].
-    real(dp) :: uncertainty(pair%n_rows)  !! (n_rows) [length]
-    logical, allocatable :: is_bent(:), is_narrow(:)
-    real(dp) :: r(pair%n_points)
-    uncertainty = 0
-    if (.not. allocated(pair%bend)) return
-    r = 0
-    call find_contact(pair, surface_a, pressure, is_bent, is_narrow)
-    associate (n => pair%n_mortar_points)
-      where (is_narrow) r(:n) = pair%bend(:n) + pair%curved(:n)
-    end associate
-    call pair%average%multiply(r, uncertainty)
-    uncertainty = merge(narrow_part*abs(uncertainty), 0.0_dp, pressure > 0)
-  end function narrow_uncertainty
-
   !> Which points are on facets with pressure at all of their vertices, and which on facets with pressure at vertices
   !> none of which such a facet has; where the gaps are straight neither.
-  subroutine find_contact(pair, surface_a, pressure, is_bent, is_narrow)
+  subroutine find_contact(pair, surface_a, pressure, is_bent, is_narrow, corners)
     type(contact_pair_t), intent(in) :: pair  !! Contact pair.
     type(surface_t), intent(in) :: surface_a  !! Its slave surface (surface_a).
     real(dp), intent(in) :: pressure(:)  !! As in `bending_of_points` (n_rows) [pressure].
     logical, allocatable, intent(out) :: is_bent(:)  !! Those on the former (n_mortar_points).
     logical, allocatable, intent(out) :: is_narrow(:)  !! Those on the latter (n_mortar_points).
-    type(corner_interpolation_t) :: corners
+    type(corner_interpolation_t), intent(out) :: corners  !! Of the points, unless the gaps are straight.
     logical, allocatable :: is_active(:), is_beside(:)
     integer :: i
     associate (n => pair%n_mortar_points, m => pair%n_mortar_rows)

@@ -8,9 +8,10 @@ module dotyk_control_gap_doubt
   use, intrinsic :: ieee_arithmetic, only: ieee_is_nan, ieee_quiet_nan, ieee_value
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
+  use dotyk_base_options, only: analysis_axisymmetric
   use dotyk_base_thresholds, only: rounding
   use dotyk_contact_contact_patches, only: contact_patch_t, find_patches
-  use dotyk_contact_facet_bending, only: narrow_uncertainty
+  use dotyk_contact_narrow_contact, only: narrow_uncertainty
   use dotyk_control_body_solution, only: displacements_t
   use dotyk_control_contact_problem, only: contact_problem_t
   use dotyk_ranks_exchange, only: greatest
@@ -77,8 +78,13 @@ contains
     shift = 0
     do k = 1, size(doubt)
       associate (first => qp%pair_first_row(k), last => qp%pair_first_row(k + 1) - 1, pair => problem%pair(k))
-        shift(first:last) = max(pair%row_uncertainty(), &
-                                narrow_uncertainty(pair, problem%surface_a(k), state%pressure(first:last)))
+        associate (a => problem%body(pair%body_a), b => problem%body(pair%body_b))
+          shift(first:last) = max(pair%row_uncertainty(), &
+                                  narrow_uncertainty(pair, problem%surface_a(k), a%analysis == analysis_axisymmetric, &
+                                                     1/(a%contact_compliance() + b%contact_compliance()), &
+                                                     state%pressure(first:last), qp%gap(first:last), &
+                                                     state%penetration(first:last) + qp%gap(first:last)))
+        end associate
       end associate
     end do
     moved = greatest_displacement(problem, displacements, maxval([0.0_dp, abs(state%penetration + qp%gap)]))

@@ -4,7 +4,7 @@
 module dotyk_elasticity_body
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp, int64
-  use dotyk_base_options, only: analysis_3d
+  use dotyk_base_options, only: analysis_3d, analysis_plane_stress
   use dotyk_base_parcel, only: parcel_t
   use dotyk_base_text, only: text_t
   use dotyk_elasticity_assembly, only: assemble_elements => assemble_stiffness, subtract_dirichlet_lift
@@ -75,6 +75,7 @@ module dotyk_elasticity_body
     procedure :: of_own_nodes => body_of_own_nodes
     procedure :: is_idle => body_is_idle
     procedure :: young => body_young
+    procedure :: contact_compliance => body_contact_compliance
     procedure :: carry => body_carry
     procedure :: destroy => body_destroy
   end type body_t
@@ -272,6 +273,20 @@ contains
     class(body_t), intent(in) :: self
     young = self%material(1)%least_young*self%mean_modulus_factor
   end function body_young
+
+  !> Compliance (1 - nu^2)/E of a half-space of its first material, with the mean modulus; nu = 0.3 where that is not
+  !> isotropic [1/pressure].
+  real(dp) function body_contact_compliance(self) result(compliance)
+    class(body_t), intent(in) :: self
+    real(dp) :: nu
+    nu = 0.3_dp
+    if (self%analysis == analysis_plane_stress) then
+      nu = 0
+    else if (self%material(1)%isotropic) then
+      nu = self%material(1)%lambda/(2*(self%material(1)%lambda + self%material(1)%mu))
+    end if
+    compliance = (1 - nu**2)/self%young()
+  end function body_contact_compliance
 
   !> Put a body that is not assembled into a parcel, or take it out.
   subroutine body_carry(self, parcel)

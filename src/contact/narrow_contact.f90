@@ -1,0 +1,309 @@
+!> How uncertain the approach of bodies is where their contact spans no facet: the mesh makes it as stiff as a facet,
+!> whatever its own width.
+!>
+!> The curvatures of the gaps around a row with pressure, from a quadratic function fitted to the gaps of its neighbours,
+!> and the force tell by Hertz (Johnson, Contact Mechanics, 4.2 and 5.1: half-planes under cylinders, half-spaces under
+!> ellipsoids that are nearly round) how far apart the sides are at the neighbours. What they are apart on the mesh
+!> differs from that by the error of the approach. A contact at the rim of its surface is taken for one at a plane of
+!> symmetry: the force is that of the whole.
+module dotyk_contact_narrow_contact
+  use dotyk_base_error, only: error_t
+  use dotyk_base_kinds, only: dp
+  use dotyk_contact_corner_interpolation, only: corner_interpolation_t
+  use dotyk_contact_facet_bending, only: find_contact
+  use dotyk_contact_pair, only: contact_pair_t
+  use dotyk_linalg_dense, only: symmetric_eigen
+  use dotyk_mesh_surface, only: surface_t
+  use dotyk_mesh_union_find, only: join, root_of
+  implicit none
+  private
+  public :: narrow_uncertainty
+
+  real(dp), parameter :: pi = acos(-1.0_dp)
+  integer, parameter :: n_terms = 5  !! Of a quadratic function of two coordinates that vanishes at a row.
+  integer, parameter :: most_neighbours = 12  !! Ordered pairs of corners of a facet.
+  !> Combinations of terms with less than this fraction of the greatest mean square are not determined [].
+  real(dp), parameter :: undetermined = 1.0e-6_dp
+  !> Weight of slopes against curvatures: neighbours on one side do not tell both, and touching bodies have no slope
+  !> where they touch [].
+  real(dp), parameter :: slope_weight = 0.03_dp
+  !> Rows in planes of symmetry, which have a half or a quarter of the facets around them, tell where the middle of a
+  !> patch is: those with less than this multiple of the least part [].
+  real(dp), parameter :: rim = 1.5_dp
+  !> A row is softer than a contact as wide as a facet by less than this: what seems more is no dip []. Measured: 1.7.
+  real(dp), parameter :: softest = 2
+
+contains
+
+  !> By how much the gaps of rows with pressure are uncertain where the contact spans no facet [length].
+  function narrow_uncertainty(pair, surface_a, axisymmetric, modulus, pressure, gap, moved) result(uncertainty)
+    type(contact_pair_t), intent(in) :: pair  !! Contact pair.
+    type(surface_t), intent(in) :: surface_a  !! Its slave surface.
+    logical, intent(in) :: axisymmetric  !! Whether a row on the axis is a point, with its neighbours all around.
+    real(dp), intent(in) :: modulus  !! 1/((1 - nu_a^2)/E_a + (1 - nu_b^2)/E_b) [pressure].
+    real(dp), intent(in) :: pressure(:)  !! Pressures of the rows (n_rows) [pressure].
+    real(dp), intent(in) :: gap(:)  !! Their gaps (n_rows) [length].
+    !> Normal displacements of their sides towards each other (n_rows) [length].
+    real(dp), intent(in) :: moved(:)
+    real(dp) :: uncertainty(pair%n_rows)  !! (n_rows) [length]
+    type(corner_interpolation_t) :: corners
+    logical, allocatable :: is_bent(:), is_narrow(:), is_round(:)
+    integer, allocatable :: row(:), from(:), to(:), patch(:), of(:), n_of(:), n_open(:)
+    real(dp), allocatable :: force(:), around(:), part(:), centre(:, :), size_of(:), kappa(:, :), axis(:, :)
+    real(dp), allocatable :: slope(:, :), tilt(:, :), total(:), exact(:), found(:)
+    real(dp) :: s
+    integer :: d, i, k, p
+    uncertainty = 0
+    d = pair%dimension
+    if (.not. allocated(pair%bend)) return
+    call find_contact(pair, surface_a, pressure, is_bent, is_narrow, corners)
+    if (.not. any(is_narrow)) return
+    allocate (row(0:corners%n), source=0)
+    row(pair%row_corner) = [(i, i=1, pair%n_mortar_rows)]
+    call find_neighbours(pair, corners, row, is_narrow, pressure, from, to, around)
+    patch = [(i, i=1, pair%n_rows)]
+    do k = 1, size(from)
+      if (pressure(to(k)) > 0) call join(patch, from(k), to(k))
+    end do
+    allocate (force(pair%n_rows), size_of(pair%n_rows), total(pair%n_rows), exact(pair%n_rows), found(pair%n_rows), &
+              centre(d + 1, pair%n_rows), tilt(d, pair%n_rows), source=0.0_dp)
+    allocate (n_of(pair%n_rows), n_open(pair%n_rows), source=0)
+    allocate (is_round(pair%n_rows), source=.false.)
+    part = around
+    do i = 1, pair%n_mortar_rows
+      p = root_of(patch, i)
+      if (pressure(i) > 0) part(p) = min(part(p), around(i))
+    end do
+    do i = 1, pair%n_mortar_rows
+      if (.not. pressure(i) > 0) cycle
+      p = root_of(patch, i)
+      n_of(p) = n_of(p) + 1
+      force(p) = force(p) + pair%row_weight(i)*pressure(i)
+      if (around(i) < rim*part(p)) centre(:, p) = centre(:, p) + pair%row_weight(i)*pressure(i)* &
+                                                     [pair%row_position(:, i), 1.0_dp]
+    end do
+    do i = 1, pair%n_rows
+      if (.not. part(i) > 0) cycle
+      centre(:, i) = centre(:, i)/centre(d + 1, i)
+      if (pair%dimension == 3) force(i) = force(i)/part(i)
+    end do
+    call fit(pair, axisymmetric, gap, moved, from, to, size_of, kappa, axis, slope)
+    of = [(i, i=1, pair%n_rows)]
+    do i = 1, pair%n_mortar_rows
+      p = root_of(patch, i)
+      is_round(i) = is_point(force(p), kappa(:, i), modulus, size_of(i))
+      if (is_round(i)) of(i) = p
+      if (.not. pressure(i) > 0 .or. is_round(i) .and. around(i) >= rim*part(p)) cycle
+      total(of(i)) = total(of(i)) + pair%row_weight(i)*pressure(i)
+      tilt(:, of(i)) = tilt(:, of(i)) + pair%row_weight(i)*pressure(i)*slope(:, i)
+    end do
+    do k = 1, size(from)
+      i = from(k)
+      if (pressure(to(k)) > 0 .or. .not. kappa(2, i) > 0) cycle
+      associate (r => of(i), to_open => pair%row_position(:, to(k)) - pair%row_position(:, i))
+        if (is_round(i)) then
+          s = norm2(pair%row_position(:, to(k)) - centre(:d, r))
+          exact(r) = exact(r) + dip_of_point(force(r), sqrt(product(kappa(:, i))), modulus, s)
+          found(r) = found(r) + sum(kappa(:, i))/4*sum((pair%row_position(:, i) - centre(:d, r))**2)
+        else
+          s = abs(dot_product(axis(:, i), to_open))
+          exact(r) = exact(r) + dip_of_line(size_of(i)*pressure(i), kappa(2, i), modulus, s)
+        end if
+        found(r) = found(r) + moved(to(k)) - moved(i) - dot_product(tilt(:, r), to_open)/total(r)
+        n_open(r) = n_open(r) + 1
+      end associate
+    end do
+    found = max(0.0_dp, min(found, softest*exact))
+    do i = 1, pair%n_mortar_rows
+      if (.not. pressure(i) > 0) cycle
+      associate (r => of(i))
+        if (n_open(r) == 0) cycle
+        uncertainty(i) = abs(exact(r) - found(r))/n_open(r)
+        ! One row answers in proportion, a round contact with the approach to the power 3/2.
+        if (is_round(i) .and. n_of(r) == 1 .and. exact(r) < found(r)) &
+          uncertainty(i) = found(r)/n_open(r)*((found(r)/exact(r))**1.5_dp - 1)
+      end associate
+    end do
+  end function narrow_uncertainty
+
+  !> Rows with pressure and their neighbours with rows, on facets of narrow contact; a neighbour as often as facets have
+  !> both.
+  subroutine find_neighbours(pair, corners, row, is_narrow, pressure, from, to, around)
+    type(contact_pair_t), intent(in) :: pair  !! Contact pair.
+    type(corner_interpolation_t), intent(in) :: corners  !! Corners of the points.
+    integer, intent(in) :: row(0:)  !! Row of each corner, or 0 (0:n).
+    logical, intent(in) :: is_narrow(:)  !! Points of narrow contact (n_mortar_points).
+    real(dp), intent(in) :: pressure(:)  !! Pressures of the rows (n_rows) [pressure].
+    integer, allocatable, intent(out) :: from(:), to(:)  !! Row with pressure, and its neighbour (n).
+    !> Part of the angle around a row that its facets fill, for those with pressure (n_rows) [].
+    real(dp), allocatable, intent(out) :: around(:)
+    integer :: i, j, m, n, q
+    allocate (around(pair%n_rows), source=0.0_dp)
+    allocate (from(most_neighbours*count(is_narrow)), to(most_neighbours*count(is_narrow)))
+    n = 0
+    do q = 1, size(is_narrow)
+      if (.not. is_narrow(q)) cycle
+      if (q > 1) then
+        if (pair%facet_a(q) == pair%facet_a(q - 1) .and. pair%sheet_b(q) == pair%sheet_b(q - 1)) cycle
+      end if
+      associate (of => row(corners%corner(:, q)))
+        m = count(corners%corner(:, q) > 0)
+        do i = 1, m
+          if (of(i) == 0) cycle
+          if (.not. pressure(of(i)) > 0) cycle
+          around(of(i)) = around(of(i)) + part_of_angle(of(i), of(modulo(i, m) + 1), of(modulo(i - 2, m) + 1))
+          do j = 1, m
+            if (j == i .or. of(j) == 0) cycle
+            n = n + 1
+            from(n) = of(i)
+            to(n) = of(j)
+          end do
+        end do
+      end associate
+    end do
+    from = from(:n)
+    to = to(:n)
+
+  contains
+
+    !> Part of the full angle between two neighbours, half of it in the plane; 0 where one has no row.
+    pure real(dp) function part_of_angle(i, next, last) result(part)
+      integer, intent(in) :: i, next, last  !! Rows.
+      real(dp) :: a(pair%dimension), b(pair%dimension)
+      part = merge(0.5_dp, 0.0_dp, pair%dimension == 2)
+      if (next == last .or. next == 0 .or. last == 0) return
+      a = pair%row_position(:, next) - pair%row_position(:, i)
+      b = pair%row_position(:, last) - pair%row_position(:, i)
+      part = acos(max(-1.0_dp, min(1.0_dp, dot_product(a, b)/max(tiny(part), norm2(a)*norm2(b)))))/(2*pi)
+    end function part_of_angle
+  end subroutine find_neighbours
+
+  !> Curvatures of the gaps at rows with pressure, and the slopes of the displacements.
+  subroutine fit(pair, axisymmetric, gap, moved, from, to, distance, kappa, axis, slope)
+    type(contact_pair_t), intent(in) :: pair  !! Contact pair.
+    logical, intent(in) :: axisymmetric  !! As in `narrow_uncertainty`.
+    real(dp), intent(in) :: gap(:), moved(:)  !! As in `narrow_uncertainty` (n_rows) [length].
+    integer, intent(in) :: from(:), to(:)  !! Row with pressure, and its neighbour (n).
+    real(dp), intent(inout) :: distance(:)  !! Mean distance of the neighbours; 0 before (n_rows) [length].
+    !> Principal curvatures, ascending, none negative; the first is 0 in the plane (2, n_rows) [1/length].
+    real(dp), allocatable, intent(out) :: kappa(:, :)
+    real(dp), allocatable, intent(out) :: axis(:, :)  !! Direction of the second one (dimension, n_rows) [].
+    real(dp), allocatable, intent(out) :: slope(:, :)  !! Of the displacements (dimension, n_rows) [].
+    real(dp) :: matrix(n_terms, n_terms, pair%n_rows), right(n_terms, 2, pair%n_rows)
+    real(dp) :: plane(pair%dimension, 2), values(n_terms), vectors(n_terms, n_terms), of(n_terms, 2), term(n_terms)
+    real(dp) :: axes(2, 2), d(2)
+    integer :: n(pair%n_rows), i, k
+    type(error_t), allocatable :: failed
+    allocate (kappa(2, pair%n_rows), axis(pair%dimension, pair%n_rows), slope(pair%dimension, pair%n_rows), source=0.0_dp)
+    n = 0
+    do k = 1, size(from)
+      n(from(k)) = n(from(k)) + 1
+      distance(from(k)) = distance(from(k)) + norm2(pair%row_position(:, to(k)) - pair%row_position(:, from(k)))
+    end do
+    distance = distance/max(1, n)
+    matrix = 0
+    right = 0
+    do k = 1, size(from)
+      i = from(k)
+      plane = tangents(pair%row_normal(:, i))
+      d = matmul(pair%row_position(:, to(k)) - pair%row_position(:, i), plane)/distance(i)
+      term = [slope_weight*d, d(1)**2/2, d(2)**2/2, d(1)*d(2)]
+      matrix(:, :, i) = matrix(:, :, i) + spread(term, 1, n_terms)*spread(term, 2, n_terms)
+      right(:, 1, i) = right(:, 1, i) + term*(gap(to(k)) - gap(i))
+      right(:, 2, i) = right(:, 2, i) + term*(moved(to(k)) - moved(i))
+    end do
+    do i = 1, pair%n_rows
+      if (n(i) == 0) cycle
+      call symmetric_eigen(matrix(:, :, i), values, vectors, failed)
+      if (allocated(failed)) cycle
+      of = matmul(transpose(vectors), right(:, :, i))
+      do k = 1, n_terms
+        of(k, :) = merge(of(k, :)/max(tiny(of), values(k)), 0.0_dp, values(k) > undetermined*values(n_terms))
+      end do
+      of = matmul(vectors, of)
+      plane = tangents(pair%row_normal(:, i))
+      slope(:, i) = matmul(plane, of(:2, 2))*slope_weight/distance(i)
+      call symmetric_eigen(reshape(of([3, 5, 5, 4], 1), [2, 2]), kappa(:, i), axes, failed)
+      if (allocated(failed)) cycle
+      kappa(:, i) = max(0.0_dp, kappa(:, i))/distance(i)**2
+      axis(:, i) = matmul(plane, axes(:, 2))
+      if (is_on_axis(i)) kappa(1, i) = kappa(2, i)
+    end do
+
+  contains
+
+    logical function is_on_axis(i)  !! Whether a row is on the axis of an axisymmetric analysis.
+      integer, intent(in) :: i  !! The row.
+      is_on_axis = axisymmetric
+      if (is_on_axis) is_on_axis = pair%row_position(1, i) < undetermined*distance(i)
+    end function is_on_axis
+  end subroutine fit
+
+  !> Tangents of a surface; the second is 0 in the plane (dimension, 2) [].
+  pure function tangents(normal)
+    real(dp), intent(in) :: normal(:)  !! Unit normal (dimension) [].
+    real(dp) :: tangents(size(normal), 2)
+    tangents = 0
+    if (size(normal) == 2) then
+      tangents(:, 1) = [-normal(2), normal(1)]
+      return
+    end if
+    tangents(minloc(abs(normal), 1), 1) = 1
+    tangents(:, 1) = tangents(:, 1) - dot_product(tangents(:, 1), normal)*normal
+    tangents(:, 1) = tangents(:, 1)/norm2(tangents(:, 1))
+    associate (t => tangents(:, 1))
+      tangents(:, 2) = [normal(2)*t(3) - normal(3)*t(2), normal(3)*t(1) - normal(1)*t(3), &
+                        normal(1)*t(2) - normal(2)*t(1)]
+    end associate
+  end function tangents
+
+  !> Radius of a round contact, or geometric mean of the half axes of an elliptic one [length].
+  pure real(dp) function mean_radius(force, kappa, modulus) result(c)
+    real(dp), intent(in) :: force  !! [force].
+    real(dp), intent(in) :: kappa  !! Geometric mean of the principal relative curvatures [1/length].
+    real(dp), intent(in) :: modulus  !! As in `narrow_uncertainty` [pressure].
+    c = (3*force/(4*modulus*kappa))**(1.0_dp/3)
+  end function mean_radius
+
+  !> Whether a force makes a contact that is shorter than a facet, too: half axes are as curvatures to the power 2/3.
+  pure logical function is_point(force, kappa, modulus, h)
+    real(dp), intent(in) :: force  !! [force].
+    real(dp), intent(in) :: kappa(2)  !! Principal relative curvatures, ascending (2) [1/length].
+    real(dp), intent(in) :: modulus  !! As in `narrow_uncertainty` [pressure].
+    real(dp), intent(in) :: h  !! Distance to the neighbours [length].
+    is_point = kappa(1) > undetermined*kappa(2)
+    if (is_point) is_point = mean_radius(force, sqrt(product(kappa)), modulus)*(kappa(2)/kappa(1))**(1.0_dp/3) < h
+  end function is_point
+
+  !> Displacement of the middle of a round contact relative to that in a distance [length].
+  pure real(dp) function dip_of_point(force, kappa, modulus, h) result(dip)
+    real(dp), intent(in) :: force  !! [force].
+    real(dp), intent(in) :: kappa  !! Relative curvature [1/length].
+    real(dp), intent(in) :: modulus  !! As in `narrow_uncertainty` [pressure].
+    real(dp), intent(in) :: h  !! The distance [length].
+    real(dp) :: s, a
+    a = mean_radius(force, kappa, modulus)
+    if (a >= h) then
+      dip = kappa*h**2/2
+    else
+      s = h/a
+      dip = kappa*a**2*(1 - ((2 - s**2)*asin(1/s) + sqrt(s**2 - 1))/pi)
+    end if
+  end function dip_of_point
+
+  !> Displacement of the middle of a long contact relative to that in a distance [length].
+  pure real(dp) function dip_of_line(force, kappa, modulus, h) result(dip)
+    real(dp), intent(in) :: force  !! Force per length [force/length].
+    real(dp), intent(in) :: kappa  !! Relative curvature across [1/length].
+    real(dp), intent(in) :: modulus  !! As in `narrow_uncertainty` [pressure].
+    real(dp), intent(in) :: h  !! The distance [length].
+    real(dp) :: a, root
+    a = sqrt(4*force/(pi*modulus*kappa))
+    if (a >= h) then
+      dip = kappa*h**2/2
+    else
+      root = sqrt(h**2 - a**2)
+      dip = kappa/2*(h**2 - h*root + a**2*log((h + root)/a))
+    end if
+  end function dip_of_line
+end module dotyk_contact_narrow_contact
