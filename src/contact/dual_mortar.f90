@@ -45,13 +45,14 @@ module dotyk_contact_dual_mortar
   !> by this factor: a whole line has 1.7, a triangle 2.4, a square 2.8 (up to 3.0 by two Gauss points in each
   !> direction), half a line 5, a strip of the relative width b 3/b.
   real(dp), parameter :: greatest_amplification(4) = [1.1_dp, 1.8_dp, 2.6_dp, 3.1_dp]
+  real(dp), parameter :: at_axis = 2.5_dp  !! The same of a line that ends at the axis: a whole one has 2.4.
   !> Gaps that differ by this fraction of the greatest one of a row are the same.
   real(dp), parameter :: same_gap = 1.0e-6_dp
 
 contains
 
   !> Dual mortar rows at all vertices of facets that carry integration points.
-  subroutine dual_mortar_rows(division, corners, facet, weight, gap, normal, row_corner, &
+  subroutine dual_mortar_rows(division, corners, facet, weight, gap, normal, axisymmetric, row_corner, &
                               row_weight, mortar)
     type(division_t), intent(in) :: division  !! How ranks divide the facets.
     !> Corners of the facets and their shape functions at the points.
@@ -61,6 +62,7 @@ contains
     real(dp), intent(in) :: weight(:)
     real(dp), intent(in) :: gap(:)  !! Gaps of the points (n_points) [length].
     real(dp), intent(in) :: normal(:, :)  !! Unit normals at the points (dimension, n_points) [].
+    logical, intent(in) :: axisymmetric  !! Whether the weights include the circumference.
     integer, allocatable, intent(out) :: row_corner(:)  !! Corner of each row, ascending (n_rows).
     !> Weights w of the rows (n_rows) [length^2; length in two dimensions].
     real(dp), allocatable, intent(out) :: row_weight(:)
@@ -95,7 +97,7 @@ contains
     end do
     allocate (replaced(size(first) - 1), source=.false.)
     do
-      call find_extrapolations(corners, first, weight, gap, normal, dual, total, extrapolates)
+      call find_extrapolations(corners, first, weight, gap, normal, axisymmetric, dual, total, extrapolates)
       extrapolates = extrapolates .and. .not. replaced
       if (.not. any(extrapolates)) exit
       replaced = replaced .or. extrapolates
@@ -134,7 +136,7 @@ contains
 
   !> Facets at a vertex whose row overlaps deeper than each of its points, where the dual functions of one of them
   !> extrapolate to it: the vertex is beyond the covered part of the surface, whatever another facet shows.
-  subroutine find_extrapolations(corners, first, weight, gap, normal, dual, total, extrapolates)
+  subroutine find_extrapolations(corners, first, weight, gap, normal, axisymmetric, dual, total, extrapolates)
     !> Corners of the facets and their shape functions at the points.
     type(corner_interpolation_t), intent(in) :: corners
     !> Points of the facet number i in the list are first(i) .. first(i+1)-1 (n_facets + 1).
@@ -143,6 +145,7 @@ contains
     real(dp), intent(in) :: weight(:)
     real(dp), intent(in) :: gap(:)  !! Gaps of the points (n_points) [length].
     real(dp), intent(in) :: normal(:, :)  !! Unit normals at the points (dimension, n_points) [].
+    logical, intent(in) :: axisymmetric  !! Whether the weights include the circumference.
     real(dp), intent(in) :: dual(:, :)  !! Dual functions of the corners at the points (4, n_points) [].
     real(dp), intent(in) :: total(:)  !! Weights of the vertices (corners%n) [length^2; length in two dimensions].
     logical, allocatable, intent(out) :: extrapolates(:)  !! The facets (n_facets).
@@ -167,7 +170,7 @@ contains
     is_beyond = .false.
     do i = 1, size(extrapolates)
       n = count(corners%corner(:, first(i)) > 0)
-      limit = greatest_amplification(n)
+      limit = merge(at_axis, greatest_amplification(n), axisymmetric)
       associate (normals => normal(:, first(i):first(i + 1) - 1))
         if (minval(matmul(transpose(normals), normals)) < sharp_cosine) limit = 1
       end associate

@@ -77,7 +77,7 @@ contains
       call corners%init(surface_a, pair%facet_a(1:n), pair%xi_a(:, 1:n), pair%sheet_b(1:n))
       deallocate (pair%row_corner, pair%row_weight)
       call dual_mortar_rows(division, corners, pair%facet_a(1:n), pair%weight(1:n), pair%gap(1:n), &
-                            pair%normal(:, 1:n), pair%row_corner, pair%row_weight, mortar)
+                            pair%normal(:, 1:n), axisymmetric, pair%row_corner, pair%row_weight, mortar)
       m = size(pair%row_corner)
       call vertex_coverage(pair%facet_a(1:n), pair%weight(1:n), axisymmetric, surface_a, mesh_a%x, corners, covered)
       pair%row_covered = covered(pair%row_corner)
@@ -110,7 +110,8 @@ contains
 
   !> Gaps that the rows would have if they were made for the gaps of the points: mortar functions on facets that are
   !> covered in part depend on the gap.
-  subroutine row_gaps(surface_a, pair, row_gap)
+  subroutine row_gaps(axisymmetric, surface_a, pair, row_gap)
+    logical, intent(in) :: axisymmetric  !! Whether weights include the circumference 2 pi r.
     type(surface_t), intent(in) :: surface_a  !! Slave surface (surface_a).
     type(contact_pair_t), intent(in) :: pair  !! Pair with its rows, made for other gaps.
     real(dp), allocatable, intent(out) :: row_gap(:)  !! The gaps (n_rows) [length].
@@ -124,7 +125,7 @@ contains
       if (n == 0) return
       call corners%init(surface_a, pair%facet_a(1:n), pair%xi_a(:, 1:n), pair%sheet_b(1:n))
       call dual_mortar_rows(division_t(), corners, pair%facet_a(1:n), pair%weight(1:n), pair%gap(1:n), &
-                            pair%normal(:, 1:n), row_corner, row_weight, mortar)
+                            pair%normal(:, 1:n), axisymmetric, row_corner, row_weight, mortar)
       call mortar%multiply(pair%gap(1:n), row_gap(1:pair%n_mortar_rows))
     end associate
   end subroutine row_gaps

@@ -19,6 +19,7 @@ module dotyk_control_gap_doubt
   use dotyk_scheme_compliance, only: compliance_t
   use dotyk_scheme_contact_qp, only: contact_qp_t
   use dotyk_scheme_dual, only: dual_t
+  use dotyk_scheme_linear_solver_choice, only: is_heap
   use dotyk_scheme_monitor, only: monitor_t
   use dotyk_scheme_scheme, only: scheme_t
   use dotyk_scheme_solver_state, only: solver_state_t, ended_converged, ended_limit, ended_solves, ended_stalled
@@ -106,7 +107,8 @@ contains
     else
       allocate (dual_t :: solver)
     end if
-    do pattern = 1, merge(2, 1, size(doubt) > 1)
+    ! Of heaps, where a solution is what costs, the one in which forces go other ways.
+    do pattern = merge(2, 1, is_heap(qp)), merge(2, 1, size(doubt) > 1)
       sign = -1
       do k = 1, size(doubt)
         associate (of_pair => shift(qp%pair_first_row(k):qp%pair_first_row(k + 1) - 1))

@@ -4,7 +4,7 @@ module dotyk_model_contact_cases
   use dotyk_base_error, only: add_context, error_t, exit_bad_input, problem_list_t, set_error
   use dotyk_base_formula, only: formula_t
   use dotyk_base_kinds, only: dp
-  use dotyk_base_options, only: gap_constant, gap_formula, theta_formula, theta_mesh, theta_relative
+  use dotyk_base_options, only: analysis_axisymmetric, gap_constant, gap_formula, theta_formula, theta_mesh, theta_relative
   use dotyk_base_text, only: matches, quoted, to_text
   use dotyk_contact_pair, only: contact_pair_t, pair_settings_t
   use dotyk_contact_pair_discretization, only: set_given_gap
@@ -166,7 +166,7 @@ contains
         call formula%destroy()
         if (allocated(error)) return
         call pair%average%multiply(pair%gap, pair%row_gap)
-        call row_gaps(problem%surface_a(k), pair, own)
+        call row_gaps(body_a%analysis == analysis_axisymmetric, problem%surface_a(k), pair, own)
         far = maxloc(abs(own - pair%row_gap), 1)
         if (abs(own(far) - pair%row_gap(far)) > same_gap*maxval(abs(pair%gap))) then
           call set_error(error, '&contact_case: '//quoted(pair%name)//': the gap varies so much where faces are '// &
