@@ -1,11 +1,11 @@
 !> How uncertain the approach of bodies is where their contact spans no facet: the mesh makes it as stiff as a facet,
 !> whatever its own width.
 !>
-!> The curvatures of the gaps around a row with pressure, from a quadratic function fitted to the gaps of its neighbours,
+!> The curvatures of the gaps around a row with pressure, from a quadratic function fitted to those of its neighbours,
 !> and the force tell by Hertz (Johnson, Contact Mechanics, 4.2 and 5.1: half-planes under cylinders, half-spaces under
-!> ellipsoids that are nearly round) how far apart the sides are at the neighbours. What they are apart on the mesh
-!> differs from that by the error of the approach. A contact at the rim of its surface is taken for one at a plane of
-!> symmetry: the force is that of the whole.
+!> ellipsoids that are nearly round) how far the sides dip between the contact and the neighbours. How far they do on
+!> the mesh differs from that by the error of the approach. A contact at the rim of its surface is taken for one at a
+!> plane of symmetry: the force is that of the whole.
 module dotyk_contact_narrow_contact
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
@@ -33,6 +33,16 @@ module dotyk_contact_narrow_contact
   !> A row is softer than a contact as wide as a facet by less than this: what seems more is no dip []. Measured: 1.7.
   real(dp), parameter :: softest = 2
 
+  type :: patches_t  !! Connected rows with pressure; those of the whole where planes of symmetry cut them.
+    integer, allocatable :: of(:)  !! Patch of each row: its first row (n_mortar_rows).
+    integer, allocatable :: n_rows(:)  !! Number of its rows with pressure (n_mortar_rows).
+    real(dp), allocatable :: force(:)  !! Its force (n_mortar_rows) [force; in the plane force/length].
+    real(dp), allocatable :: centre(:, :)  !! Its middle (dimension, n_mortar_rows) [length].
+    logical, allocatable :: is_central(:)  !! Whether a row tells where the middle is (n_mortar_rows).
+  contains
+    procedure :: init => patches_init
+  end type patches_t
+
 contains
 
   !> By how much the gaps of rows with pressure are uncertain where the contact spans no facet [length].
@@ -47,53 +57,32 @@ contains
     real(dp), intent(in) :: moved(:)
     real(dp) :: uncertainty(pair%n_rows)  !! (n_rows) [length]
     type(corner_interpolation_t) :: corners
+    type(patches_t) :: patches
     logical, allocatable :: is_bent(:), is_narrow(:), is_round(:)
-    integer, allocatable :: row(:), from(:), to(:), patch(:), of(:), n_of(:), n_open(:)
-    real(dp), allocatable :: force(:), around(:), part(:), centre(:, :), size_of(:), kappa(:, :), axis(:, :)
-    real(dp), allocatable :: slope(:, :), tilt(:, :), total(:), exact(:), found(:)
+    integer, allocatable :: row(:), from(:), to(:), of(:), n_open(:)
+    real(dp), allocatable :: around(:), distance(:), kappa(:, :), axis(:, :), slope(:, :)
+    real(dp), allocatable :: tilt(:, :), total(:), exact(:), found(:)
     real(dp) :: s
-    integer :: d, i, k, p
+    integer :: d, i, k, n
     uncertainty = 0
-    d = pair%dimension
     if (.not. allocated(pair%bend)) return
     call find_contact(pair, surface_a, pressure, is_bent, is_narrow, corners)
     if (.not. any(is_narrow)) return
+    d = pair%dimension
+    n = pair%n_mortar_rows
     allocate (row(0:corners%n), source=0)
-    row(pair%row_corner) = [(i, i=1, pair%n_mortar_rows)]
+    row(pair%row_corner) = [(i, i=1, n)]
     call find_neighbours(pair, corners, row, is_narrow, pressure, from, to, around)
-    patch = [(i, i=1, pair%n_rows)]
-    do k = 1, size(from)
-      if (pressure(to(k)) > 0) call join(patch, from(k), to(k))
-    end do
-    allocate (force(pair%n_rows), size_of(pair%n_rows), total(pair%n_rows), exact(pair%n_rows), found(pair%n_rows), &
-              centre(d + 1, pair%n_rows), tilt(d, pair%n_rows), source=0.0_dp)
-    allocate (n_of(pair%n_rows), n_open(pair%n_rows), source=0)
-    allocate (is_round(pair%n_rows), source=.false.)
-    part = around
-    do i = 1, pair%n_mortar_rows
-      p = root_of(patch, i)
-      if (pressure(i) > 0) part(p) = min(part(p), around(i))
-    end do
-    do i = 1, pair%n_mortar_rows
-      if (.not. pressure(i) > 0) cycle
-      p = root_of(patch, i)
-      n_of(p) = n_of(p) + 1
-      force(p) = force(p) + pair%row_weight(i)*pressure(i)
-      if (around(i) < rim*part(p)) centre(:, p) = centre(:, p) + pair%row_weight(i)*pressure(i)* &
-                                                     [pair%row_position(:, i), 1.0_dp]
-    end do
-    do i = 1, pair%n_rows
-      if (.not. part(i) > 0) cycle
-      centre(:, i) = centre(:, i)/centre(d + 1, i)
-      if (pair%dimension == 3) force(i) = force(i)/part(i)
-    end do
-    call fit(pair, axisymmetric, gap, moved, from, to, size_of, kappa, axis, slope)
-    of = [(i, i=1, pair%n_rows)]
-    do i = 1, pair%n_mortar_rows
-      p = root_of(patch, i)
-      is_round(i) = is_point(force(p), kappa(:, i), modulus, size_of(i))
-      if (is_round(i)) of(i) = p
-      if (.not. pressure(i) > 0 .or. is_round(i) .and. around(i) >= rim*part(p)) cycle
+    call patches%init(pair, pressure, around, from, to)
+    call fit(pair, axisymmetric, gap, moved, from, to, distance, kappa, axis, slope)
+    ! A round contact is one thing, of a long one each row.
+    allocate (tilt(d, n), total(n), exact(n), found(n), source=0.0_dp)
+    allocate (n_open(n), source=0)
+    of = [(i, i=1, n)]
+    is_round = [(is_point(patches%force(patches%of(i)), kappa(:, i), modulus, distance(i)), i=1, n)]
+    where (is_round) of = patches%of
+    do i = 1, n
+      if (.not. pressure(i) > 0 .or. is_round(i) .and. .not. patches%is_central(i)) cycle
       total(of(i)) = total(of(i)) + pair%row_weight(i)*pressure(i)
       tilt(:, of(i)) = tilt(:, of(i)) + pair%row_weight(i)*pressure(i)*slope(:, i)
     end do
@@ -102,29 +91,69 @@ contains
       if (pressure(to(k)) > 0 .or. .not. kappa(2, i) > 0) cycle
       associate (r => of(i), to_open => pair%row_position(:, to(k)) - pair%row_position(:, i))
         if (is_round(i)) then
-          s = norm2(pair%row_position(:, to(k)) - centre(:d, r))
-          exact(r) = exact(r) + dip_of_point(force(r), sqrt(product(kappa(:, i))), modulus, s)
-          found(r) = found(r) + sum(kappa(:, i))/4*sum((pair%row_position(:, i) - centre(:d, r))**2)
+          s = norm2(pair%row_position(:, to(k)) - patches%centre(:, r))
+          exact(r) = exact(r) + dip_of_point(patches%force(r), sqrt(product(kappa(:, i))), modulus, s)
+          found(r) = found(r) + sum(kappa(:, i))/4*sum((pair%row_position(:, i) - patches%centre(:, r))**2)
         else
           s = abs(dot_product(axis(:, i), to_open))
-          exact(r) = exact(r) + dip_of_line(size_of(i)*pressure(i), kappa(2, i), modulus, s)
+          exact(r) = exact(r) + dip_of_line(distance(i)*pressure(i), kappa(2, i), modulus, s)
         end if
         found(r) = found(r) + moved(to(k)) - moved(i) - dot_product(tilt(:, r), to_open)/total(r)
         n_open(r) = n_open(r) + 1
       end associate
     end do
     found = max(0.0_dp, min(found, softest*exact))
-    do i = 1, pair%n_mortar_rows
-      if (.not. pressure(i) > 0) cycle
+    do i = 1, n
+      if (.not. pressure(i) > 0 .or. n_open(of(i)) == 0) cycle
       associate (r => of(i))
-        if (n_open(r) == 0) cycle
         uncertainty(i) = abs(exact(r) - found(r))/n_open(r)
         ! One row answers in proportion, a round contact with the approach to the power 3/2.
-        if (is_round(i) .and. n_of(r) == 1 .and. exact(r) < found(r)) &
+        if (is_round(i) .and. patches%n_rows(r) == 1 .and. exact(r) < found(r)) &
           uncertainty(i) = found(r)/n_open(r)*((found(r)/exact(r))**1.5_dp - 1)
       end associate
     end do
   end function narrow_uncertainty
+
+  !> Find the patches.
+  subroutine patches_init(self, pair, pressure, around, from, to)
+    class(patches_t), intent(out) :: self
+    type(contact_pair_t), intent(in) :: pair  !! Contact pair.
+    real(dp), intent(in) :: pressure(:)  !! Pressures of the rows (n_rows) [pressure].
+    real(dp), intent(in) :: around(:)  !! Part of the angle around each row that its facets fill (n_rows) [].
+    integer, intent(in) :: from(:), to(:)  !! Row with pressure, and its neighbour (n).
+    integer :: parent(pair%n_rows)
+    real(dp) :: part(pair%n_mortar_rows), central(pair%n_mortar_rows)
+    integer :: i, k
+    associate (n => pair%n_mortar_rows, force => pair%row_weight*pressure)
+      parent = [(i, i=1, size(parent))]
+      do k = 1, size(from)
+        if (pressure(to(k)) > 0) call join(parent, from(k), to(k))
+      end do
+      self%of = [(root_of(parent, i), i=1, n)]
+      allocate (self%n_rows(n), source=0)
+      allocate (self%force(n), self%centre(pair%dimension, n), source=0.0_dp)
+      part = around(:n)
+      do i = 1, n
+        if (pressure(i) > 0) part(self%of(i)) = min(part(self%of(i)), around(i))
+      end do
+      self%is_central = around(:n) < rim*part(self%of)
+      central = 0
+      do i = 1, n
+        if (.not. pressure(i) > 0) cycle
+        associate (p => self%of(i))
+          self%n_rows(p) = self%n_rows(p) + 1
+          self%force(p) = self%force(p) + force(i)
+          if (.not. self%is_central(i)) cycle
+          central(p) = central(p) + force(i)
+          self%centre(:, p) = self%centre(:, p) + force(i)*pair%row_position(:, i)
+        end associate
+      end do
+      do i = 1, n
+        if (central(i) > 0) self%centre(:, i) = self%centre(:, i)/central(i)
+        if (pair%dimension == 3 .and. part(i) > 0) self%force(i) = self%force(i)/part(i)
+      end do
+    end associate
+  end subroutine patches_init
 
   !> Rows with pressure and their neighbours with rows, on facets of narrow contact; a neighbour as often as facets have
   !> both.
@@ -184,7 +213,7 @@ contains
     logical, intent(in) :: axisymmetric  !! As in `narrow_uncertainty`.
     real(dp), intent(in) :: gap(:), moved(:)  !! As in `narrow_uncertainty` (n_rows) [length].
     integer, intent(in) :: from(:), to(:)  !! Row with pressure, and its neighbour (n).
-    real(dp), intent(inout) :: distance(:)  !! Mean distance of the neighbours; 0 before (n_rows) [length].
+    real(dp), allocatable, intent(out) :: distance(:)  !! Mean distance of the neighbours (n_rows) [length].
     !> Principal curvatures, ascending, none negative; the first is 0 in the plane (2, n_rows) [1/length].
     real(dp), allocatable, intent(out) :: kappa(:, :)
     real(dp), allocatable, intent(out) :: axis(:, :)  !! Direction of the second one (dimension, n_rows) [].
@@ -194,7 +223,8 @@ contains
     real(dp) :: axes(2, 2), d(2)
     integer :: n(pair%n_rows), i, k
     type(error_t), allocatable :: failed
-    allocate (kappa(2, pair%n_rows), axis(pair%dimension, pair%n_rows), slope(pair%dimension, pair%n_rows), source=0.0_dp)
+    allocate (distance(pair%n_rows), kappa(2, pair%n_rows), source=0.0_dp)
+    allocate (axis(pair%dimension, pair%n_rows), slope(pair%dimension, pair%n_rows), source=0.0_dp)
     n = 0
     do k = 1, size(from)
       n(from(k)) = n(from(k)) + 1

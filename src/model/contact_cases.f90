@@ -4,7 +4,8 @@ module dotyk_model_contact_cases
   use dotyk_base_error, only: add_context, error_t, exit_bad_input, problem_list_t, set_error
   use dotyk_base_formula, only: formula_t
   use dotyk_base_kinds, only: dp
-  use dotyk_base_options, only: analysis_axisymmetric, gap_constant, gap_formula, theta_formula, theta_mesh, theta_relative
+  use dotyk_base_options, only: analysis_axisymmetric, gap_constant, gap_formula, theta_formula, theta_mesh, &
+    theta_relative
   use dotyk_base_text, only: matches, quoted, to_text
   use dotyk_contact_pair, only: contact_pair_t, pair_settings_t
   use dotyk_contact_pair_discretization, only: set_given_gap
