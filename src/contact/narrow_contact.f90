@@ -59,10 +59,9 @@ contains
     type(corner_interpolation_t) :: corners
     type(patches_t) :: patches
     logical, allocatable :: is_bent(:), is_narrow(:), is_round(:)
-    integer, allocatable :: row(:), from(:), to(:), of(:), n_open(:)
+    integer, allocatable :: row(:), from(:), to(:), of(:), n_open(:), n_beside(:)
     real(dp), allocatable :: around(:), distance(:), kappa(:, :), axis(:, :), slope(:, :)
-    real(dp), allocatable :: tilt(:, :), total(:), exact(:), found(:)
-    real(dp) :: s
+    real(dp), allocatable :: tilt(:, :), total(:), width(:), exact(:), found(:)
     integer :: d, i, k, n
     uncertainty = 0
     if (.not. allocated(pair%bend)) return
@@ -76,8 +75,8 @@ contains
     call patches%init(pair, pressure, around, from, to)
     call fit(pair, axisymmetric, gap, moved, from, to, distance, kappa, axis, slope)
     ! A round contact is one thing, of a long one each row.
-    allocate (tilt(d, n), total(n), exact(n), found(n), source=0.0_dp)
-    allocate (n_open(n), source=0)
+    allocate (tilt(d, n), total(n), width(n), exact(n), found(n), source=0.0_dp)
+    allocate (n_open(n), n_beside(n), source=0)
     of = [(i, i=1, n)]
     is_round = [(is_point(patches%force(patches%of(i)), kappa(:, i), modulus, distance(i)), i=1, n)]
     where (is_round) of = patches%of
@@ -87,18 +86,22 @@ contains
       tilt(:, of(i)) = tilt(:, of(i)) + pair%row_weight(i)*pressure(i)*slope(:, i)
     end do
     do k = 1, size(from)
+      if (.not. is_open(k)) cycle
+      n_beside(from(k)) = n_beside(from(k)) + 1
+      width(from(k)) = width(from(k)) + across(k)
+    end do
+    do k = 1, size(from)
+      if (.not. is_open(k)) cycle
       i = from(k)
-      if (pressure(to(k)) > 0 .or. .not. kappa(2, i) > 0) cycle
-      associate (r => of(i), to_open => pair%row_position(:, to(k)) - pair%row_position(:, i))
+      associate (r => of(i))
         if (is_round(i)) then
-          s = norm2(pair%row_position(:, to(k)) - patches%centre(:, r))
-          exact(r) = exact(r) + dip_of_point(patches%force(r), sqrt(product(kappa(:, i))), modulus, s)
+          exact(r) = exact(r) + dip_of_point(patches%force(r), sqrt(product(kappa(:, i))), modulus, across(k))
           found(r) = found(r) + sum(kappa(:, i))/4*sum((pair%row_position(:, i) - patches%centre(:, r))**2)
         else
-          s = abs(dot_product(axis(:, i), to_open))
-          exact(r) = exact(r) + dip_of_line(distance(i)*pressure(i), kappa(2, i), modulus, s)
+          exact(r) = exact(r) + dip_of_line(pressure(i)*width(i)/n_beside(i), kappa(2, i), modulus, across(k))
         end if
-        found(r) = found(r) + moved(to(k)) - moved(i) - dot_product(tilt(:, r), to_open)/total(r)
+        found(r) = found(r) + moved(to(k)) - moved(i) - &
+          dot_product(tilt(:, r), pair%row_position(:, to(k)) - pair%row_position(:, i))/max(tiny(1.0_dp), total(r))
         n_open(r) = n_open(r) + 1
       end associate
     end do
@@ -112,6 +115,22 @@ contains
           uncertainty(i) = found(r)/n_open(r)*((found(r)/exact(r))**1.5_dp - 1)
       end associate
     end do
+
+  contains
+
+    logical function is_open(k)  !! Whether a neighbour tells how far the sides dip.
+      integer, intent(in) :: k  !! Its number.
+      is_open = .not. pressure(to(k)) > 0 .and. kappa(2, from(k)) > 0
+    end function is_open
+
+    real(dp) function across(k)  !! Distance of a neighbour from the middle of a round contact, or across a long one.
+      integer, intent(in) :: k  !! Its number.
+      if (is_round(from(k))) then
+        across = norm2(pair%row_position(:, to(k)) - patches%centre(:, of(from(k))))
+      else
+        across = abs(dot_product(axis(:, from(k)), pair%row_position(:, to(k)) - pair%row_position(:, from(k))))
+      end if
+    end function across
   end function narrow_uncertainty
 
   !> Find the patches.

@@ -233,6 +233,41 @@ Mesh.MeshSizeMax = 1; Mesh.ElementOrder = o;
                 self.assertBetween(0.7 * abs(force - exact), doubt, 2 * abs(force - exact))
                 self.assertIn("uncertain by", text)
 
+    def test_cylinder_narrower_than_a_facet(self):
+        """In three dimensions a row of vertices is pressed: one layer of elements, half of the cylinder, tetrahedra.
+        In the plane, on facets of 1/80, the force is 14.297 per length for 0.02 and 2.6455 for 0.005."""
+        def cap(x):
+            y = x.copy()
+            y[:, 2] += (1 - x[:, 2]) * (2 - np.sqrt(4 - x[:, 0]**2))
+            return y
+        def at_side(p):
+            return np.all(np.abs(p[:, 1] - p[0, 1]) < 1e-9) and abs(p[0, 1] - 0.25) > 0.2
+        for kind, n, layers, first, down in (("hex8", 8, 1, -1, 0.02), ("hex8", 4, 4, 0, 0.02),
+                                             ("tet10", 6, 3, -1, 0.02), ("tet4", 8, 4, -1, 0.005)):
+            grid.write_mesh(self.folder / "m.msh", [
+                grid.Block("up", grid.even(first, 1, 40 * (1 - first)), grid.even(0, 0.5, 1), grid.even(0, 1, 2),
+                           shape=cap, patches={"up_x": lambda p: np.all(np.abs(p[:, 0]) < 1e-9)}),
+                grid.Block("low", grid.even(first, 1, n), grid.even(0, 0.5, layers), grid.even(-1, 0, 4),
+                           patches={"low_y": at_side, "low_x": lambda p: np.all(np.abs(p[:, 0]) < 1e-9)})], kind)
+            self.write("case.nml", "&scene mesh='m.msh' /\n" + SOFT + """
+&material name='w', young=1e6, poisson=0.3 /
+&body name='up', volume='up', material='w' /
+&body name='low', volume='low', material='m' /
+&support body='low', surface='bottom', fix='xyz' /
+&support body='low', surface='low_y', fix='y' /
+&support body='up', surface='top', fix='xyz', value=0,0,-%g /
+&contact name='c', surface_a='low:top', surface_b='up:bottom' /
+&solver theta=0 /""" % down + "".join("\n&support body='%s', surface='%s_x', fix='x' /" % (b, b) for b in ("up", "low")
+                                      if first == 0))
+            with self.subTest(kind=kind, layers=layers, first=first):
+                self.dotyk("case.nml", code=0)
+                contact = self.results("case.vtkhdf")["dotyk/contact/c"]
+                scale = 4 / (1 - first)
+                force = scale * np.sum(contact["weight"][:] * contact["pressure"][:])
+                error = abs(force - (14.297 if down == 0.02 else 2.6455))
+                self.assertGreater(error, 0.2 * force)
+                self.assertBetween(0.8 * error, scale * contact.attrs["force_uncertainty"], 1.3 * error)
+
     def test_dome_on_the_axis(self):
         """Axisymmetric: facets at the axis are as whole as others; a dome that touches the vertex there meets it. With
         facets of 1/96 the force is 0.8003."""
