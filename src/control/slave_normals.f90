@@ -47,12 +47,26 @@ contains
           ! Rows of ties come behind those of contact.
           if (n_contact == 0) cycle
           associate (scale => coarse%scale(coarse%first(b) + j - 1))
-            call operator%block(b)%matrix%multiply(scale*modes(b)%displacement(:, j), of_body%value(:n_contact, j))
+            call operator%block(b)%matrix%multiply(scale*modes(b)%displacement(components(b), j), &
+                                                   of_body%value(:n_contact, j))
           end associate
         end do
         of_body%value(:n_contact, :) = of_body%value(:n_contact, :) - coarse%block(b)%value(:n_contact, :)
       end associate
     end do
+
+  contains
+
+    !> Components of the nodes of contact pairs among those of all contact nodes, which ties have, too.
+    pure function components(b) result(component)
+      integer, intent(in) :: b  !! The body.
+      integer, allocatable :: component(:)
+      integer :: place(maxval(block(b)%contact_node)), c, i
+      associate (dim => operator%dimension, node => operator%block(b)%contact_node)
+        place(block(b)%contact_node) = [(i, i=1, size(block(b)%contact_node))]
+        component = [((dim*(place(node(i)) - 1) + c, c=1, dim), i=1, size(node))]
+      end associate
+    end function components
   end subroutine find_deviations
 
   !> Replace the normals of a pair by those of its slave surface: of the elements where they are curved, interpolated
