@@ -15,7 +15,8 @@
 !> r is a combination of the quadratic functions that vanish at the vertices, by least squares over the integration
 !> points of the facet and those of its vertices that have a projection: so it is known on facets of which only a part
 !> has one. Patches of the smooth surface are quadratic, so that this is exact over a planar master surface; elsewhere
-!> the small rest is taken off as well. A gap with kinks is no such combination, and stays as it is.
+!> the small rest is taken off as well. A gap with kinks is no such combination, and stays as it is, unless it is least at
+!> a vertex: on the flank of a cone beside a flat end rows have the gap at the rim.
 module dotyk_contact_gap_interpolation
   use dotyk_base_error, only: error_t
   use dotyk_base_formula, only: formula_t
@@ -236,7 +237,7 @@ contains
     greatest = maxval(abs(r))
     if (greatest <= min_curvature*length) return
     rest = rest - matmul(coefficient, without_linear)
-    if (sum(weight*rest**2) > max_rest**2*sum(weight*r**2)) then
+    if (sum(weight*rest**2) > max_rest**2*sum(weight*r**2) .and. .not. is_least_at_vertex()) then
       ! Where there are points only: vertices may lie beyond.
       weight(m - n_vertices + 1:) = 0
       associate (row => matmul(fitted(linear, weight, gap), linear))
@@ -252,6 +253,15 @@ contains
     bend = r
     gap = gap - r
     uncertainty = abs(minval(gap) - least)
+
+  contains
+
+    !> Whether contact begins at a vertex: what the gap is between vertices does not matter then.
+    pure logical function is_least_at_vertex() result(is_least)
+      associate (n_points => m - n_vertices)
+        is_least = minval(gap(n_points + 1:)) <= minval(gap(:n_points)) + max_rest*greatest
+      end associate
+    end function is_least_at_vertex
   end subroutine straighten
 
   !> Coefficients of a least-squares approximation; 0 for combinations that the points do not determine.

@@ -2,8 +2,8 @@
 !>
 !> The direction n is the normal of the smooth surface. The projection x' of a point x lies on the element, where the
 !> line through x along the interpolated normal at x' meets it: x - x' is parallel to n, so that the moments of the
-!> forces on the two sides cancel exactly, as for closest points. The gap is that of the smooth surfaces, n . (y' - y),
-!> where y and y' have the reference coordinates of x and x'.
+!> forces on the two sides cancel exactly, as for closest points. The gap is that of the smooth surfaces where the line
+!> meets them, to first order: patches have the reference coordinates of the elements.
 module dotyk_contact_smooth_projection
   use dotyk_base_kinds, only: dp
   use dotyk_contact_closest_point, only: edges_at
@@ -98,7 +98,7 @@ contains
     end if
     if (geometry_a%active) then
       call geometry_a%sub_facets%locate(facet_a, xi_a, sub_facet, xi)
-      projection%distance = projection%distance - dot_product(projection%normal, geometry_a%shift(sub_facet, xi))
+      projection%distance = projection%distance - geometry_a%height(sub_facet, xi, projection%normal)
     end if
     if (abs(projection%distance) > search_radius) projection%status = projection_too_far
   end subroutine smooth_projection

@@ -20,6 +20,7 @@ module dotyk_contact_smooth_surface
   use dotyk_contact_vertex_normals, only: find_smooth_sheets, flat_angle, smooth_corner_normals
   use dotyk_mesh_element, only: element_kind, element_kind_t, element_line3, element_quad8, element_tri6, kind_nodes, &
     max_facet_nodes
+  use dotyk_mesh_facet, only: cross
   use dotyk_mesh_surface, only: surface_t
   use dotyk_ranks_division, only: division_t
   implicit none
@@ -40,8 +41,11 @@ module dotyk_contact_smooth_surface
   contains
     procedure :: init => geometry_init
     procedure :: shift
+    procedure :: height
     procedure :: uncertainty
   end type smooth_surface_t
+
+  real(dp), parameter :: least_cosine = 0.1_dp  !! Of the normal of a patch and a direction across it [].
 
 contains
 
@@ -176,6 +180,26 @@ contains
     end associate
     shift = y - x
   end function shift
+
+  !> How far from a point of the element a line of direction n meets the patch, to first order [length]. Beside sharp
+  !> edges patches begin beyond the edge: `shift` has a part along the surface, which is no distance of it.
+  pure real(dp) function height(self, sub_facet, xi, n)
+    class(smooth_surface_t), intent(in) :: self
+    integer, intent(in) :: sub_facet  !! Sub-facet number.
+    real(dp), intent(in) :: xi(2)  !! Reference coordinates on the sub-facet (2) [].
+    real(dp), intent(in) :: n(3)  !! Unit vector (3) [].
+    real(dp) :: m(3), y(3), d(3, 5), move(3)
+    move = self%shift(sub_facet, xi)
+    height = dot_product(n, move)
+    if (.not. self%changed(sub_facet)) return
+    associate (p => self%patch%coefficient(:, :, sub_facet))
+      call evaluate_facet(p, xi(1), xi(2), y, d(:, 1), d(:, 2), d(:, 3), d(:, 4), d(:, 5))
+    end associate
+    if (self%patch%dimension == 2) d(:, 2) = [0, 0, 1]
+    m = cross(d(:, 1), d(:, 2))
+    ! Surfaces along n have no height.
+    if (abs(dot_product(m, n)) > least_cosine*norm2(m)) height = dot_product(m, move)/dot_product(m, n)
+  end function height
 
   !> How far a patch may be from the surface at a point, for a vector `shift` there: a parabola through the ends and the
   !> middle of a circular arc of the angle w and the height s is off by s w^2/64 at most [length].

@@ -122,6 +122,29 @@ Physical Surface("top") = Surface In BoundingBox {-20.1, -10.1, 7.9, 20.1, 10.1,
         self.assertIn("not determined by contact: sliding along (0, 0, 1) and spin about the axis (0, 0, 1) of 'bolt 1', 'bolt 2', ",
                       log)
 
+    def test_nut_tied_to_a_stud(self):
+        """A stud in a clearance hole is pulled and bent; the nut around it, tied, holds both on the plate: the support
+        has the moment that statics say."""
+        log, file, _ = self.solve("stud", """Box(1) = {-20, -20, -10, 40, 40, 10};
+Cylinder(10) = {0, 0, -10, 0, 0, 10, 5.5};
+BooleanDifference{ Volume{1}; Delete; }{ Volume{10}; Delete; }
+Cylinder(3) = {0, 0, -20, 0, 0, 26, 5};
+Box(5) = {-10, -7.5, 0, 20, 15, 5}; Cylinder(12) = {0, 0, 0, 0, 0, 5, 5};
+BooleanDifference(6) = { Volume{5}; Delete; }{ Volume{12}; Delete; };
+tol = 1e-3;
+Physical Volume("plate") = {1}; Physical Volume("stud") = {3}; Physical Volume("nut") = {6};
+s() = Surface In BoundingBox {-20-tol, -20-tol, -10-tol, -20+tol, 20+tol, tol}; Physical Surface("held") = {s()};
+s() = Surface In BoundingBox {-5-tol, -5-tol, -20-tol, 5+tol, 5+tol, -20+tol}; Physical Surface("pulled") = {s()};
+s() = Boundary{ Volume{6}; }; Physical Surface("nut skin") = {s()};
+s() = Boundary{ Volume{3}; }; Physical Surface("stud skin") = {s()};
+""", 12, ("plate", "stud", "nut"), [
+            "&support body='plate', surface='held', fix='xyz' /",
+            "&tie name='thread', surface_a='nut:nut skin', surface_b='stud:stud skin' /",
+            "&contact auto=.true. /",
+            "&load body='stud', surface='pulled', force=0,0,-1000, moment=0,2000,0 /"])
+        np.testing.assert_allclose(file["dotyk/supports/moment"][0], [0, -2000, 0], atol=0.01)
+        self.assertIn("spin about the axis (0, 0, 1) of 'stud', 'nut'; least motion taken\n", log)
+
     def test_rim_below_a_head(self):
         """A quarter of a pin with a head in a hole of its radius. Edges of the rim of the hole are chords, inside the shank
         just below the head by more than anything moves: that is the mesh. A shank that is thicker by 0.4 is not."""

@@ -168,6 +168,38 @@ Mesh.MeshSizeMax = 1; Mesh.ElementOrder = o;
         self.assertBetween(0.9, coarse[1] / coarse[0], 1.1)
         self.assertBetween(0.9, force(False, 12) / force(True, 12), 1.1)
 
+    def test_chamfered_pin(self):
+        """A pin whose flat end has a chamfer stands on a block: its flank begins at the rim, where the gap is 0, however
+        steep and high it is. Pressures are those of the flat end alone, but that both share the singular one at the rim."""
+        for height, radius in (0.92, 4.08), (0.92, 4.47), (2, 3):
+            self.write("c.geo", """SetFactory("OpenCASCADE"); Mesh.ElementOrder = 2; Mesh.HighOrderOptimize = 1;
+Mesh.MeshSizeMax = 3.4; Mesh.MeshSizeFromCurvature = 16;
+Cylinder(1) = {0, 0, %g, 0, 0, 30, 5}; Cone(3) = {0, 0, 0, 0, 0, %g, %g, 5};
+BooleanUnion(4) = { Volume{1}; Delete; }{ Volume{3}; Delete; };
+Box(2) = {-12, -12, -12, 24, 24, 12};
+Physical Volume("pin") = {4}; Physical Volume("block") = {2};
+s() = Surface In BoundingBox {-6, -6, %g, 6, 6, 40}; Physical Surface("end") = {s()};
+s() = Surface In BoundingBox {-6, -6, -0.01, 6, 6, 0.01}; Physical Surface("flat") = {s()};
+s() = Surface In BoundingBox {-13, -13, -12.01, 13, 13, -11.99}; Physical Surface("bottom") = {s()};
+s() = Surface In BoundingBox {-13, -13, -0.01, 13, 13, 0.01}; s() -= Surface In BoundingBox {-6, -6, -0.01, 6, 6, 0.01};
+Physical Surface("top") = {s()};
+""" % (height, height, radius, height + 29.9))
+            peak = []
+            for pair in "auto=.true.", "name='pin - block', surface_a='pin:flat', surface_b='block:top'":
+                self.write("case.nml", """&scene mesh='c.geo' /
+&material name='steel', young=210e3, poisson=0.3 /
+&body name='pin', volume='pin', material='steel' /
+&body name='block', volume='block', material='steel' /
+&support body='block', surface='bottom', fix='xyz' /
+&load body='pin', surface='end', force=0,0,-2000 /
+&contact %s /
+&solver theta=0 /""" % pair)
+                self.dotyk("case.nml", code=0)
+                contact = self.results("case.vtkhdf")["dotyk/contact/pin - block"]
+                self.assertGreater(np.min(contact["gap_initial"][:]), -1e-5)
+                peak.append(np.max(contact["pressure"][:]))
+            self.assertBetween(0.7, peak[0] / peak[1], 1.1)
+
     # Gaps that the meshes do not tell
 
     def round_on_flat(self, n, kind, n_round=80, round_is_slave=False, code=None, radius=2, down=0.02):
