@@ -84,6 +84,8 @@ contains
       else
         call note_resultant(body, body%load - before, surface%name)
       end if
+      body%resultant(size(body%resultant))%is_concentrated = surface%is_concentrated() .and. &
+                                                             .not. body%constraint%rigid%is_set
       call check_formula(body, 'the load on '//quoted(surface%name), surface, load%formula)
     end if
   end subroutine add_load
