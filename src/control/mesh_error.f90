@@ -88,10 +88,18 @@ contains
     real(dp), intent(inout) :: norm_square(:, :)
     type(error_t), allocatable, intent(out) :: error  !! Allocated where a formula of a material cannot be evaluated.
     real(dp), allocatable :: u(:, :, :), square(:, :), thermal(:, :, :), of_case(:, :, :), norm(:)
+    logical, allocatable :: singular(:, :)
     integer :: i, j, m, n
     n = size(some)
+    associate (first => problem%body(problem%classes%first(some(1))))
+      allocate (singular(n*size(block), first%mesh%n_elements()), source=.false.)
+    end associate
     do j = 1, size(block)
       call act(problem, some, block(j)%case)
+      do i = 1, n
+        if (problem%ranks%is_own(some(i))) &
+          singular((j - 1)*n + i, :) = problem%body(some(i))%applied%has_concentrated(size(singular, 2))
+      end do
       call collect_thermal(problem, some, of_case)
       if (.not. allocated(of_case)) cycle
       if (.not. allocated(thermal)) &
@@ -105,6 +113,8 @@ contains
                                           error, thermal)
     end associate
     if (allocated(error)) return
+    ! The stress of a force without area has no finite energy, and no error.
+    where (singular) square = 0
     do j = 1, size(block)
       do i = 1, n
         if (.not. problem%ranks%is_own(some(i))) cycle

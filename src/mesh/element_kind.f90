@@ -69,8 +69,9 @@ module dotyk_mesh_element_kind
                                                        27, 27]
   integer, parameter :: corner_kind(0:n_element_kinds) = [ &
     element_point, element_line2, element_line2, element_tri3, element_tri3, element_quad4, element_quad4, &
-    element_quad4, element_tet4, element_tet4, element_hex8, element_hex8, element_hex8, element_prism6, element_prism6, &
-    element_prism6, element_pyramid5, element_pyramid5, element_pyramid5]  !! The linear kind on the same corners.
+    element_quad4, element_tet4, element_tet4, element_hex8, element_hex8, element_hex8, element_prism6, &
+    element_prism6, element_prism6, element_pyramid5, element_pyramid5, &
+    element_pyramid5]  !! The linear kind on the same corners.
 
   integer, parameter, public :: line_node(1, 3) = reshape([-1, 1, 0], [1, 3])  !! Coordinates of the nodes of lines.
 

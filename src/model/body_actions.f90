@@ -127,8 +127,8 @@ contains
         call add_context(failed, 'body '//quoted(body%name)//': ')
         if (.not. allocated(failed)) then
           if (volume%lies_on_axis(mesh, body%mesh%x, body%analysis, given%place)) &
-            call set_error(failed, 'body '//quoted(body%name)//': '//quoted(surface%name)//' lies on the axis and has '// &
-                           'no area', exit_bad_input)
+            call set_error(failed, 'body '//quoted(body%name)//': '//quoted(surface%name)//' lies on the axis and '// &
+                           'has no area', exit_bad_input)
         end if
       end if
       ! In contact or tied, a small resultant may be what is asked for; alone, the scene would have no equilibrium.

@@ -86,8 +86,8 @@ contains
         call add_context(failed, 'body '//quoted(body%name)//': ')
         if (given%is_spring .and. .not. allocated(failed)) then
           if (volume%lies_on_axis(mesh, body%mesh%x, body%analysis, given%place)) &
-            call set_error(failed, '&spring: body '//quoted(body%name)//': '//quoted(gathered(n)%surface%name)//' lies on '// &
-                           'the axis and has no area', exit_bad_input)
+            call set_error(failed, '&spring: body '//quoted(body%name)//': '//quoted(gathered(n)%surface%name)// &
+                           ' lies on the axis and has no area', exit_bad_input)
         end if
         if (allocated(failed)) call problems%add_error(failed, case%file//':'//to_text(given%line)//': ')
       end associate
