@@ -152,6 +152,29 @@ class EdgesAndNodes(dotyk_case.Case):
             np.testing.assert_allclose(u[x[:, 2] < 1e-9, 2], -2/40, rtol=1e-9)
             self.assertIn("40 in total along z", printed)
 
+    def test_contact(self):
+        """A block that only contact and two nodes hold is pressed on another one by a force on a node; so is a rigid one."""
+        bodies = [self.block("hex8", name="lower"), self.block("hex8", name="upper", origin=(0.0, 0.0, SIZE[2]))]
+        held = ["&support body='upper', nodes_at=0,0,4, fix='xy' /\n&support body='upper', nodes_at=1,0,4, fix='y' /",
+                "&rigid_body body='upper', fix='xy rz' /"]
+        for of_upper, slave, master in zip(held, ("upper:bottom", "lower:top"), ("lower:top", "upper:bottom")):
+            printed, _, _, file = self.run_scene([*bodies, "&support body='lower', surface='bottom', fix='xyz' /", of_upper,
+                                                  "&load body='upper', nodes_at=0.5,0.75,4, force=0,0,-3 /",
+                                                  "&contact name='joint', surface_a='%s', surface_b='%s' /" % (slave, master)])
+            np.testing.assert_allclose(np.abs(file["dotyk/contact/joint"].attrs["force"][2]), 3, rtol=1e-9)
+            # A rigid body has no stress that could grow.
+            self.assertEqual(WARNING in printed, "rigid" not in of_upper)
+
+    def test_estimate(self):
+        """The estimate does not count the elements at the force: they have no limit."""
+        found = []
+        for n in (2, 4):
+            _, _, _, file = self.run_scene([self.block("hex20", n), "&support body='block', surface='bottom', fix='xyz' /",
+                                            "&load body='block', nodes_at=0.5,0.75,2, force=0,0,-1 /"])
+            found.append(file["dotyk/summary"].attrs["error_discretization"])
+        self.assertBetween(0.01, min(found), 0.3)
+        self.assertLess(max(found), 0.3)
+
     def test_axisymmetric(self):
         """The force of a node is that on its circumference; one node holds a ring along its axis."""
         printed, x, u, file = self.run_scene([self.block("quad8", origin=(0.5, 0.0)), "&support body='block', nodes_at=0.5,0, fix='y' /",
