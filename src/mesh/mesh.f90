@@ -153,6 +153,10 @@ contains
     integer :: other
     kind = 'physical '//trim(kind_name(dimension))
     if (is_cad_file(mesh%file)) kind = trim(merge('solid', 'face ', dimension == 3))
+    if (is_cad_file(mesh%file) .and. dimension < 2) then
+      message = 'mesh '//quoted(mesh%file)//' has no names of edges and points: give nodes_at, positions of nodes'
+      return
+    end if
     call group_names(mesh, dimension, names)
     suggestion = nearest_name(name, names)
     message = 'mesh '//quoted(mesh%file)//' has no '//kind// &
