@@ -30,14 +30,14 @@ module dotyk_elasticity_load
   use dotyk_elasticity_body, only: body_t
   use dotyk_elasticity_element_quadrature, only: inverted_element_error
   use dotyk_elasticity_face_table, only: local_face, point_of_element
-  use dotyk_elasticity_point_forces, only: at_node, point_forces_t
+  use dotyk_elasticity_point_forces, only: point_forces_t
   use dotyk_elasticity_rigid_body_modes, only: rigid_body_modes_t
   use dotyk_elasticity_shape_table, only: load_degree, map_element, shape_table_pair_t, shape_table_t
   use dotyk_elasticity_vector_field, only: vector_field_t
   use dotyk_linalg_dense, only: factorize_gram, right_singular_vectors, solve_gram
   use dotyk_mesh_body_mesh, only: body_mesh_t
-  use dotyk_mesh_element, only: element_kind, element_kind_t, element_point, kind_nodes, max_element_nodes, &
-    n_element_kinds, quadrature_rule, reference_nodes, shape_functions
+  use dotyk_mesh_element, only: element_kind, element_kind_t, element_point, kind_nodes, n_element_kinds, &
+    quadrature_rule, reference_nodes, shape_functions
   use dotyk_mesh_facet, only: cross, facet_geometry, frame_of_normal
   use dotyk_mesh_surface, only: surface_t
   implicit none
@@ -88,9 +88,7 @@ contains
     type(point_forces_t), intent(inout), optional :: points  !! The load at the quadrature points, added to.
     type(facet_rule_t) :: rule(0:n_element_kinds)
     type(vector_field_t) :: field
-    real(dp), allocatable :: before(:, :)
     integer :: f
-    if (surface%is_concentrated()) before = force
     call field%init(load%value, error, load%formula)
     if (load%kind == load_total) &
       call spread_total_load(mesh, analysis, surface, load%value, load%moment, load%point, field, error)
@@ -106,7 +104,6 @@ contains
         if (present(points) .and. surface%element(f) > 0) call add_points(f)
       end do
     end if
-    if (present(points) .and. surface%is_concentrated()) call add_at_nodes(mesh, force - before, points)
     call field%destroy()
     call add_context(error, 'load on surface '//quoted(surface%name)//': ')
 
@@ -134,33 +131,6 @@ contains
       end associate
     end subroutine add_points
   end subroutine add_surface_load
-
-  !> Add the forces of nodes, to each element of a node its part.
-  subroutine add_at_nodes(mesh, force, points)
-    type(body_mesh_t), intent(in) :: mesh  !! Elements and nodes of the body.
-    real(dp), intent(in) :: force(:, :)  !! Nodal forces of the load (dim, n_nodes) [force].
-    type(point_forces_t), intent(inout) :: points  !! Forces at points, added to.
-    real(dp) :: xi(mesh%dimension, max_element_nodes)
-    integer, allocatable :: n_elements(:)
-    integer :: a, b, e, pass, element
-    allocate (n_elements(mesh%n_nodes()), source=0)
-    do pass = 1, 2
-      element = 0
-      do b = 1, size(mesh%block)
-        call reference_nodes(mesh%block(b)%kind, xi)
-        do e = 1, size(mesh%block(b)%node, 2)
-          element = element + 1
-          do a = 1, size(mesh%block(b)%node, 1)
-            associate (node => mesh%block(b)%node(a, e))
-              if (.not. any(abs(force(:, node)) > 0)) cycle
-              if (pass == 1) n_elements(node) = n_elements(node) + 1
-              if (pass == 2) call points%add(element, at_node, xi(:, a), force(:, node)/n_elements(node))
-            end associate
-          end do
-        end do
-      end do
-    end do
-  end subroutine add_at_nodes
 
   !> Quadrature rule of a facet kind.
   subroutine make_rule(kind, rule)

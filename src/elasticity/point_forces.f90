@@ -11,20 +11,15 @@ module dotyk_elasticity_point_forces
   type, public :: point_forces_t  !! Forces on one body.
     integer :: n = 0  !! Number of forces.
     integer, allocatable :: element(:)  !! Element of each, in the order of the blocks (>= n).
-    integer, allocatable :: face(:)  !! Face of that element, 0 for its volume, `at_node` for a node (>= n).
+    integer, allocatable :: face(:)  !! Face of that element, 0 for its volume (>= n).
     real(dp), allocatable :: xi(:, :)  !! Reference coordinates in the element (dim, >= n) [].
     real(dp), allocatable :: force(:, :)  !! Forces (dim, >= n) [force].
   contains
     procedure :: add => point_forces_add
-    procedure :: has_concentrated => point_forces_has_concentrated
     procedure :: by_element => point_forces_by_element
     procedure :: hold => point_forces_hold
     procedure :: carry => point_forces_carry
   end type point_forces_t
-
-  !> Stands for a face: the force is that of an edge or node, without area, and stresses have no limit there. Each
-  !> element of the node has its part.
-  integer, parameter, public :: at_node = -1
 
 contains
 
@@ -32,7 +27,7 @@ contains
   pure subroutine point_forces_add(self, element, face, xi, force)
     class(point_forces_t), intent(inout) :: self
     integer, intent(in) :: element  !! Element, in the order of the blocks.
-    integer, intent(in) :: face  !! Its face, 0 for its volume, `at_node`.
+    integer, intent(in) :: face  !! Its face, 0 for its volume.
     real(dp), intent(in) :: xi(:)  !! Reference coordinates (dim) [].
     real(dp), intent(in) :: force(:)  !! The force (dim) [force].
     integer, allocatable :: wider(:)
@@ -59,18 +54,6 @@ contains
     self%xi(:, self%n) = xi
     self%force(:, self%n) = force
   end subroutine point_forces_add
-
-  !> Which elements have forces at their nodes (n_elements).
-  pure function point_forces_has_concentrated(self, n_elements) result(has)
-    class(point_forces_t), intent(in) :: self
-    integer, intent(in) :: n_elements  !! Number of elements of the body.
-    logical :: has(n_elements)
-    integer :: i
-    has = .false.
-    do i = 1, self%n
-      if (self%face(i) == at_node) has(self%element(i)) = .true.
-    end do
-  end function point_forces_has_concentrated
 
   !> Keep the forces on some elements.
   pure subroutine point_forces_hold(self, number)

@@ -33,7 +33,7 @@ module dotyk_log_case_tables
 
   !> What a force without area means, for warnings.
   character(*), parameter, public :: concentrated = 'an edge or nodes: stress and displacement there have no limit '// &
-    'as the mesh is refined'
+    'as the mesh is refined; the estimated error of the mesh leaves out the elements there'
 
 contains
 
@@ -151,8 +151,7 @@ contains
     do b = 1, size(problem%body)
       if (.not. allocated(problem%body(b)%resultant)) cycle
       if (.not. any(problem%body(b)%resultant%is_concentrated)) cycle
-      call log%line('    warning: '//quoted(problem%body(b)%name)//': a load on '//concentrated// &
-                    '; the estimated error of the mesh leaves out the elements there')
+      call log%line('    warning: '//quoted(problem%body(b)%name)//': a load on '//concentrated)
       exit
     end do
     call show_initial_states(log, problem%body)

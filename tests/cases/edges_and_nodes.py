@@ -197,7 +197,7 @@ class EdgesAndNodes(dotyk_case.Case):
         self.assertIn("body 'block 2': no node is at (0, 0, 0); the nearest one is node ", printed)
         self.assertIn("at (3, 0, 0), 3 away: give its position, or make a point of the geometry there", printed)
         printed = self.run_scene([geo, "&support body='block *', nodes_at=0,0,0.1, fix='xyz' /"], code=2)
-        self.assertIn("case.nml:4: &support: none of the bodies has such", printed)
+        self.assertIn("case.nml:4: &support: none of the bodies has such an edge or nodes", printed)
 
     def test_formats_and_multigrid(self):
         """The points and curves of a mesh of format 2.2 are those of 4.1; p-multigrid gives the answer of factors."""
