@@ -9,8 +9,8 @@ module dotyk_base_text
   use dotyk_base_kinds, only: dp, int64
   implicit none
   private
-  public :: to_text, lower, nearest_name, edit_distance, suggestion, append_text, join, split_words, counted, quoted, &
-    shown, visible, has_wildcard, matches
+  public :: to_text, point_text, lower, nearest_name, edit_distance, suggestion, append_text, join, split_words, &
+    counted, quoted, shown, visible, has_wildcard, matches
 
   type, public :: text_t  !! A text of its own length, for arrays of texts.
     character(:), allocatable :: s  !! The text.
@@ -326,4 +326,17 @@ contains
     end do
     matches = verify(pattern(p:), '*') == 0
   end function matches
+
+  !> A point for messages, as in "(1.5, 0, 2)".
+  pure function point_text(x) result(text)
+    real(dp), intent(in) :: x(:)  !! Coordinates of the point (dim) [length].
+    character(:), allocatable :: text
+    integer :: i
+    text = '('
+    do i = 1, size(x)
+      if (i > 1) text = text//', '
+      text = text//to_text(x(i))
+    end do
+    text = text//')'
+  end function point_text
 end module dotyk_base_text

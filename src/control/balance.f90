@@ -226,6 +226,8 @@ contains
           balance%support(s) = named(body%constraint%foundation%place(s - n_fixed)%s//' (spring)', sums, around)
         else
           balance%support(s) = named(body%directions%place(s)%s, sums, around)
+          if (allocated(body%directions%is_concentrated)) &
+            balance%support(s)%is_concentrated = body%directions%is_concentrated(s)
         end if
       end associate
     end do

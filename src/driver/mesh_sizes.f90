@@ -125,7 +125,7 @@ contains
     sums = 0
     do k = 1, size(case%mesh_size)
       associate (given => case%mesh_size(k))
-        text = case%body(given%body)%mesh//'|'//case%body(given%body)%volume//'|'//given%surface//'|'// &
+        text = case%body(given%body)%mesh//'|'//case%body(given%body)%volume//'|'//given%place%name//'|'// &
           to_text(given%size, 17)//'|'//to_text(given%contact, 17)
         if (given%contact > 0) then
           name = contact_surfaces(case, given%body)
@@ -230,7 +230,8 @@ contains
     do k = 1, size(used)
       if (used(k) .or. case%body(case%mesh_size(k)%body)%mesh /= file) cycle
       if (any(used .and. case%mesh_size%line == case%mesh_size(k)%line)) cycle
-      call fail(case, case%mesh_size(k), 'none of its bodies has a surface '//quoted(case%mesh_size(k)%surface), error)
+      call fail(case, case%mesh_size(k), 'none of its bodies has a surface '// &
+                quoted(case%mesh_size(k)%place%name), error)
       return
     end do
   end subroutine add_views
@@ -253,12 +254,12 @@ contains
     do k = 1, size(case%mesh_size)
       associate (given => case%mesh_size(k))
         if (given%body /= b) cycle
-        if (len(given%surface) == 0) then
+        if (len(given%place%name) == 0) then
           used(k) = .true.
           if (given%size > 0) of_body = min(of_body, given%size)
-        else if (.not. given%any_body .or. has(given%surface)) then
+        else if (.not. given%any_body .or. has(given%place%name)) then
           used(k) = .true.
-          call take(given%surface, given%size)
+          call take(given%place%name, given%size)
         end if
         if (allocated(error) .or. .not. given%contact > 0) cycle
         at_contact = contact_surfaces(case, b)

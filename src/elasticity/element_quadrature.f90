@@ -4,7 +4,7 @@ module dotyk_elasticity_element_quadrature
   use dotyk_base_error, only: error_t, exit_not_solvable, set_error
   use dotyk_base_kinds, only: dp
   use dotyk_base_options, only: analysis_3d
-  use dotyk_base_text, only: to_text
+  use dotyk_base_text, only: point_text, to_text
   use dotyk_elasticity_analysis, only: gradient_slots, strain_index
   use dotyk_elasticity_material, only: material_t
   use dotyk_elasticity_material_field, only: material_field_t
@@ -12,7 +12,6 @@ module dotyk_elasticity_element_quadrature
     n_projection_functions, &
     projected_dilatations, projection_functions, unprojected_bulk_ratio
   use dotyk_elasticity_shape_table, only: shape_table_t, map_element, shape_table_pair_t
-  use dotyk_elasticity_vector_field, only: point_text
   use dotyk_mesh_body_mesh, only: body_mesh_t
   use dotyk_mesh_element, only: element_kind, element_kind_t
   implicit none

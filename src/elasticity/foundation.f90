@@ -12,7 +12,8 @@ module dotyk_elasticity_foundation
   use dotyk_base_text, only: text_t
   use dotyk_elasticity_analysis, only: two_pi
   use dotyk_elasticity_shape_table, only: load_degree
-  use dotyk_mesh_element, only: element_kind, element_kind_t, max_facet_nodes, quadrature_rule, shape_functions
+  use dotyk_mesh_element, only: element_kind, element_kind_t, element_point, max_facet_nodes, quadrature_rule, &
+    shape_functions
   use dotyk_mesh_facet, only: facet_geometry, frame_of_normal
   use dotyk_mesh_placement, only: placement_t
   use dotyk_mesh_surface, only: surface_t
@@ -49,7 +50,7 @@ module dotyk_elasticity_foundation
   real(dp), parameter :: modulus_tolerance = 1.0e-13_dp
 
   type, public :: foundation_points_t  !! The springs of one facet at its quadrature points.
-    integer :: kind = 0  !! Element kind of the facet; 0 before the first one.
+    integer :: kind = -1  !! Element kind of the facet; -1 before the first one.
     integer :: n_nodes = 0, n_directions = 0  !! Number of nodes of the facet, and of directions at each point.
     real(dp), allocatable :: xi(:, :)  !! Reference coordinates (dim - 1, n_points) [].
     real(dp), allocatable :: weight(:)  !! Reference weights (n_points) [].
@@ -129,7 +130,8 @@ contains
       do q = 1, size(points%weight)
         call facet_geometry(points%kind, dim, x(:, node), points%xi(:, q), points%x(:, q), normal, points%area(q))
         points%area(q) = points%area(q)*points%weight(q)
-        if (analysis == analysis_axisymmetric) points%area(q) = points%area(q)*two_pi*points%x(1, q)
+        if (analysis == analysis_axisymmetric .and. points%kind /= element_point) &
+          points%area(q) = points%area(q)*two_pi*points%x(1, q)
         call axes_at(dim, fix%local, normal, axes)
         points%direction(:, :points%n_directions, q) = axes(:, pack([1, 2, 3], fixed))
         do i = 1, 3

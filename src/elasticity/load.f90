@@ -15,6 +15,9 @@
 !> its centroid is a uniform shear traction; a moment about an axis in the plane of a flat surface is the linear normal
 !> traction of beam theory.
 !>
+!> On edges dA is the length and tractions are forces per length; on nodes it is 1 for each, as for the nodal forces of
+!> other programs, and tractions are the forces of the nodes.
+!>
 !> Balance of the centrifugal forces of a floating body. A free body turns about an axis through its centroid; that of
 !> its mesh may be beside the axis by the accuracy of the mesh, and the forces then have resultants that nothing holds.
 module dotyk_elasticity_load
@@ -33,8 +36,8 @@ module dotyk_elasticity_load
   use dotyk_elasticity_vector_field, only: vector_field_t
   use dotyk_linalg_dense, only: factorize_gram, right_singular_vectors, solve_gram
   use dotyk_mesh_body_mesh, only: body_mesh_t
-  use dotyk_mesh_element, only: element_kind, element_kind_t, kind_nodes, n_element_kinds, quadrature_rule, &
-    reference_nodes, shape_functions
+  use dotyk_mesh_element, only: element_kind, element_kind_t, element_point, kind_nodes, n_element_kinds, &
+    quadrature_rule, reference_nodes, shape_functions
   use dotyk_mesh_facet, only: cross, facet_geometry, frame_of_normal
   use dotyk_mesh_surface, only: surface_t
   implicit none
@@ -83,7 +86,7 @@ contains
     !> the total load; names the surface.
     type(error_t), allocatable, intent(out) :: error
     type(point_forces_t), intent(inout), optional :: points  !! The load at the quadrature points, added to.
-    type(facet_rule_t) :: rule(n_element_kinds)
+    type(facet_rule_t) :: rule(0:n_element_kinds)
     type(vector_field_t) :: field
     integer :: f
     call field%init(load%value, error, load%formula)
@@ -188,7 +191,8 @@ contains
     traction = 0
     call facet_geometry(kind, dim, x, point, position, normal, area)
     area = area*weight
-    if (axisymmetric) area = area*two_pi*position(1)
+    ! The force of a node is that on the full circumference.
+    if (axisymmetric .and. kind /= element_point) area = area*two_pi*position(1)
     call field%evaluate(position, value, error)
     if (allocated(error)) return
     select case (load_kind)
@@ -333,7 +337,7 @@ contains
     if (allocated(error) .or. analysis == analysis_axisymmetric) return
     about_centre = moment
     if (allocated(point)) about_centre = moment + cross(point - centre, force)
-    if (mesh%dimension == 2) then
+    if (mesh%dimension == 2 .and. second(3, 3) > 0) then
       ! The only one in the plane is the polar one.
       spin = [0.0_dp, 0.0_dp, about_centre(3)/second(3, 3)]
     else
@@ -343,7 +347,8 @@ contains
       where (values > least_breadth*values(1)) inverse = 1/values
       spin = matmul(about_centre, axes)
       if (any(inverse <= 0 .and. abs(spin) > least_breadth*norm2(about_centre))) then
-        call set_error(error, 'moment: the surface is a line and takes no moment about itself', exit_bad_input)
+        call set_error(error, 'moment: what lies on a line takes no moment about it, and a node takes none', &
+                       exit_bad_input)
         return
       end if
       spin = matmul(axes, inverse*spin)
@@ -369,7 +374,7 @@ contains
     area = 0
     centre = 0
     second = 0
-    last = 0
+    last = -1
     do pass = 1, 2
       do f = 1, surface%n_facets
         if (surface%kind(f) /= last) then
@@ -381,7 +386,7 @@ contains
           do q = 1, size(weight)
             call facet_geometry(surface%kind(f), mesh%dimension, mesh%x(:, node), xi(:, q), x, normal, w)
             w = w*weight(q)
-            if (axisymmetric) w = w*two_pi*x(1)
+            if (axisymmetric .and. surface%kind(f) /= element_point) w = w*two_pi*x(1)
             r = 0
             r(:mesh%dimension) = x
             if (pass == 1) then

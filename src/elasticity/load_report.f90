@@ -21,6 +21,9 @@ module dotyk_elasticity_load_report
     real(dp) :: force(3) = 0  !! Force; along the axis in axisymmetric analyses (3) [force].
     real(dp) :: moment(3) = 0  !! Moment about the origin; 0 in axisymmetric analyses (3) [force length].
     real(dp) :: radial = 0  !! Radial components in axisymmetric analyses, around the circumference [force].
+    !> Whether it acts on an edge or nodes of an elastic body, where stress and displacement have no limit.
+    logical :: is_concentrated = .false.
+    integer, allocatable :: node(:)  !! Nodes of such a load; not allocated for others (n).
   contains
     procedure :: carry => load_resultant_carry
   end type load_resultant_t
@@ -175,5 +178,7 @@ contains
     call parcel%carry_fixed(3, self%force)
     call parcel%carry_fixed(3, self%moment)
     call parcel%carry(self%radial)
+    call parcel%carry(self%is_concentrated)
+    call parcel%carry(self%node)
   end subroutine load_resultant_carry
 end module dotyk_elasticity_load_report

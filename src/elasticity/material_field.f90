@@ -8,12 +8,12 @@ module dotyk_elasticity_material_field
   use dotyk_base_error, only: add_context, error_t, exit_bad_input, set_error
   use dotyk_base_kinds, only: dp, int64
   use dotyk_base_magnitude, only: size_rule, smallest_number
-  use dotyk_base_text, only: quoted, text_t, to_text
+  use dotyk_base_text, only: point_text, quoted, text_t, to_text
   use dotyk_elasticity_elastic_constants, only: elastic_constants
   use dotyk_elasticity_material, only: material_t
   use dotyk_elasticity_projected_dilatation, only: unprojected_bulk_ratio
   use dotyk_elasticity_stiffness_tensor, only: rotate_strain
-  use dotyk_elasticity_vector_field, only: point_text, vector_field_t
+  use dotyk_elasticity_vector_field, only: vector_field_t
   implicit none
   private
 

@@ -7,12 +7,12 @@ module dotyk_elasticity_rigid_motion
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp, int64
   use dotyk_base_options, only: analysis_3d, analysis_axisymmetric
-  use dotyk_base_text, only: to_text
+  use dotyk_base_text, only: point_text, to_text
   use dotyk_elasticity_body, only: body_t
   use dotyk_elasticity_constraint, only: constraint_t
   use dotyk_elasticity_foundation, only: foundation_points_t
   use dotyk_elasticity_part_sums, only: add_up_parts, gather_rows, greatest_of_parts
-  use dotyk_elasticity_vector_field, only: point_text, vector_text
+  use dotyk_elasticity_vector_field, only: vector_text
   use dotyk_linalg_dense, only: right_singular_vectors
   use dotyk_mesh_body_mesh, only: body_mesh_t, connected_components
   use dotyk_mesh_facet, only: cross

@@ -1,4 +1,5 @@
-!> Supports: prescribed displacements on surfaces, equation (4), along global axes or along those of the surface.
+!> Supports: prescribed displacements on surfaces, equation (4), along global axes or along those of the surface; on
+!> edges and nodes along global axes.
 !>
 !> Values are three numbers in any dimension: along x, y, z, or along xi, eta, n where `fix` names axes of the surface
 !> (z and eta are not used in two dimensions); n is the outward normal. Each support contributes Dirichlet conditions
@@ -9,11 +10,11 @@ module dotyk_elasticity_support
   use dotyk_base_error, only: add_context, error_t, exit_bad_input, set_error
   use dotyk_base_kinds, only: dp
   use dotyk_base_options, only: analysis_axisymmetric
-  use dotyk_base_text, only: quoted, text_t, to_text
+  use dotyk_base_text, only: point_text, quoted, text_t, to_text
   use dotyk_elasticity_constraint, only: constraint_t, held
   use dotyk_elasticity_node_axes, only: combine_conditions, nodal_vector_list_t, node_axes_t
   use dotyk_elasticity_support_directions, only: support_directions_t
-  use dotyk_elasticity_vector_field, only: vector_field_t, point_text, vector_text
+  use dotyk_elasticity_vector_field, only: vector_field_t, vector_text
   use dotyk_mesh_body_mesh, only: body_mesh_t
   use dotyk_mesh_element, only: element_kind, element_kind_t, kind_dimension, kind_nodes, max_facet_nodes, &
     reference_nodes
@@ -94,7 +95,8 @@ contains
     do s = 1, size(supports)
       place(s)%s = supports(s)%surface%name
     end do
-    call directions%init(place, conditions, mesh%n_nodes())
+    call directions%init(place, [(supports(s)%surface%is_concentrated(), s=1, size(supports))], conditions, &
+                         mesh%n_nodes())
   end subroutine collect_supports
 
   !> Add the Dirichlet conditions of a support in global axes at the nodes of its surface.

@@ -17,6 +17,7 @@ module dotyk_elasticity_support_directions
 
   type, public :: support_directions_t  !! Conditions of all supports of a body, by nodes.
     type(text_t), allocatable :: place(:)  !! Surfaces with supports; size 0 or not allocated without (n_supports).
+    logical, allocatable :: is_concentrated(:)  !! Whether these are edges or nodes (n_supports).
     integer, allocatable :: node(:)  !! Node of each condition, ascending (n).
     integer, allocatable :: source(:)  !! Support of each condition, 0 for the axis of symmetry (n).
     real(dp), allocatable :: direction(:, :)  !! Directions of the prescribed displacements (dim, n) [].
@@ -38,9 +39,10 @@ module dotyk_elasticity_support_directions
 contains
 
   !> Take the conditions of all supports; those of one surface are one support.
-  subroutine directions_init(self, place, conditions, n_nodes)
+  subroutine directions_init(self, place, is_concentrated, conditions, n_nodes)
     class(support_directions_t), intent(out) :: self
     type(text_t), intent(in) :: place(:)  !! Surface of each `&support` (n).
+    logical, intent(in) :: is_concentrated(:)  !! Whether it is an edge or nodes (n).
     type(nodal_vector_list_t), intent(in) :: conditions  !! Dirichlet conditions; source 0 is the axis of symmetry.
     integer, intent(in) :: n_nodes  !! Number of nodes.
     integer, allocatable :: first(:), order(:)
@@ -56,9 +58,10 @@ contains
       if (k < s) number(s) = number(k)
       n = max(n, number(s))
     end do
-    allocate (self%place(n))
+    allocate (self%place(n), self%is_concentrated(n))
     do s = 1, size(place)
       self%place(number(s))%s = place(s)%s
+      self%is_concentrated(number(s)) = is_concentrated(s)
     end do
     self%node = conditions%node(order)
     self%source = number(conditions%source(order))
@@ -187,6 +190,7 @@ contains
     class(support_directions_t), intent(inout) :: self
     type(parcel_t), intent(inout) :: parcel  !! The parcel.
     call parcel%carry(self%place)
+    call parcel%carry(self%is_concentrated)
     call parcel%carry(self%node)
     call parcel%carry(self%source)
     call parcel%carry(self%direction)

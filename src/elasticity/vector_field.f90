@@ -7,7 +7,7 @@ module dotyk_elasticity_vector_field
   use dotyk_base_formula, only: formula_t
   use dotyk_base_kinds, only: dp
   use dotyk_base_magnitude, only: is_too_large, size_rule
-  use dotyk_base_text, only: quoted, text_t, to_text
+  use dotyk_base_text, only: point_text, quoted, text_t, to_text
   implicit none
   private
 
@@ -30,7 +30,7 @@ module dotyk_elasticity_vector_field
     procedure :: destroy => vector_field_destroy
   end type vector_field_t
 
-  public :: point_text, vector_text
+  public :: vector_text
 
 contains
 
@@ -129,19 +129,6 @@ contains
     self%origin = 0
     self%constant = .true.
   end subroutine vector_field_destroy
-
-  !> A point for messages, as in "(1.5, 0, 2)".
-  pure function point_text(x) result(text)
-    real(dp), intent(in) :: x(:)  !! Coordinates of the point (dim) [length].
-    character(:), allocatable :: text
-    integer :: i
-    text = '('
-    do i = 1, size(x)
-      if (i > 1) text = text//', '
-      text = text//to_text(x(i))
-    end do
-    text = text//')'
-  end function point_text
 
   !> A vector for messages, without rounding errors.
   pure function vector_text(vector, scale) result(text)

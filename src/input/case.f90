@@ -16,6 +16,7 @@ module dotyk_input_case
     default_geometry, default_linear_solver, default_locking, default_max_iterations, default_max_unbalanced, &
     default_quadrature, default_response, default_scheme, default_stop_rule, default_theta, default_tolerance, &
     load_traction, material_isotropic, n_fields, quantity_force
+  use dotyk_base_place, only: place_t
   use dotyk_base_rotation, only: rotation_matrix
   use dotyk_base_text, only: quoted, text_t
   use dotyk_base_thresholds, only: rounding
@@ -37,10 +38,9 @@ module dotyk_input_case
   type, public :: action_t  !! What groups about bodies have in common: one for each body that a group names.
     integer :: line = 0  !! Line of the group.
     integer :: body = 0  !! Index of the body.
-    !> Whether wildcards name the body: of these bodies, those without the surface have no such support, load or size.
+    !> Whether wildcards name the body: of these bodies, those without the place have no such support, load or size.
     logical :: any_body = .false.
-    !> Physical group of the surface; with wildcards, the union of those that the body has; empty for the whole body.
-    character(:), allocatable :: surface
+    type(place_t) :: place  !! Where on the body; without a name for the whole body.
     logical, allocatable :: in_case(:)  !! Load cases that it belongs to; not allocated where these are all (n_cases).
   end type action_t
 

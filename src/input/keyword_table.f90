@@ -3,10 +3,10 @@
 module dotyk_input_keyword_table
   use dotyk_base_options, only: aim_energy, aim_names, analysis_names, condition_names, default_analysis, &
     default_condition, default_discretization, default_gamma_rule, default_geometry, default_linear_solver, &
-    default_locking, default_max_iterations, default_max_unbalanced, default_quadrature, &
-    default_response, default_scheme, default_stop_rule, default_tolerance, discretization_names, error_part_names, &
-    field_names, gamma_rule_names, geometry_names, linear_solver_names, locking_names, option_name, &
-    quadrature_names, response_names, scheme_names, stop_rule_names
+    default_locking, default_max_iterations, default_max_unbalanced, default_quadrature, default_response, &
+    default_scheme, default_stop_rule, default_tolerance, discretization_names, error_part_names, field_names, &
+    gamma_rule_names, geometry_names, linear_solver_names, locking_names, option_name, quadrature_names, &
+    response_names, scheme_names, stop_rule_names
   use dotyk_base_text, only: to_text
   use dotyk_input_keywords, only: any_number, at_least_one, at_most_one, exactly_one, group_keyword_t, keyword_list_t, &
     kind_formula, kind_integer, kind_logical, kind_name, kind_names, kind_real, kind_text
@@ -126,13 +126,15 @@ contains
       'nodes are a crack, whose sides do not see each other; otherwise such a body is refused')
 
     call list%begin_group('support', any_number, 'prescribed displacement (Dirichlet condition) on a body surface, '// &
-      'zero where no value is given', &
+      'an edge or nodes, zero where no value is given', &
       "&support body='block', surface='bottom', fix='xyz' /"//lf// &
-      "&support body='ball', surface='cut', fix='n', value=0,0,-3e-5 /")
+      "&support body='ball', surface='cut', fix='n', value=0,0,-3e-5 /"//lf// &
+      "&support body='plate', nodes_at=0,0,0, fix='xyz' /")
     call list%add('body', kind_text, required=.true., meaning='name of the body; * and ? are wildcards: all bodies '// &
       'with such names that have the surface; those that are rigid have no support')
-    call list%add('surface', kind_text, required=.true., meaning='physical group of the surface (in two dimensions '// &
-      'a physical curve); with wildcards, the union of all physical groups that the body has')
+    call list%add('surface', kind_text, 'physical group of the surface (in two dimensions a physical curve); with '// &
+      'wildcards, the union of all physical groups that the body has')
+    call list%add_edges_and_nodes()
     call list%add('fix', kind_text, required=.true., meaning='directions with prescribed displacement: letters of '// &
       '''xyz'' (global axes), or of n, t (both tangents), xi, eta (axes of the surface: n is the outward normal, '// &
       'xi the global x axis projected on the surface, y where that vanishes, eta = n x xi)')
@@ -143,17 +145,17 @@ contains
       meaning='load cases in which value holds, with wildcards; in the others the surface is held without '// &
       'displacement along fix, unless another &support of the same surface and fix has them')
 
-    call list%begin_group('spring', any_number, 'springs on a body surface: an elastic support (Winkler '// &
-      'foundation); exactly one of modulus and stiffness', &
+    call list%begin_group('spring', any_number, 'springs on a body surface, an edge or nodes: an elastic '// &
+      'support (Winkler foundation); exactly one of modulus and stiffness', &
       "&spring body='slab', surface='bottom', fix='n', modulus=50e6 /"//lf// &
       "&spring body='motor', surface='feet', fix='xyz', stiffness=2e6 /")
     call list%add('body', kind_text, required=.true., meaning='name of the body, with wildcards as in &support')
-    call list%add('surface', kind_text, required=.true., &
-      meaning='physical group of the surface, with wildcards as in &support')
+    call list%add('surface', kind_text, 'physical group of the surface, with wildcards as in &support')
+    call list%add_edges_and_nodes()
     call list%add('fix', kind_text, required=.true., &
       meaning='directions of the springs, as in &support: letters of xyz, or of n, t, xi, eta')
     call list%add('modulus', kind_real, unit='pressure/length', positive=.true., &
-      meaning='stiffness per area of each direction: the modulus of a Winkler foundation')
+      meaning='stiffness per area of each direction (Winkler foundation); per length of an edge, per node')
     call list%add('stiffness', kind_real, unit='force/length', positive=.true., meaning='total stiffness of each '// &
       'direction in place of modulus, spread evenly over the area of the surface; in the plane per unit thickness, '// &
       'in axisymmetric analyses on the full circumference. Of several bodies each gets it; with wildcards in '// &
@@ -183,6 +185,8 @@ contains
     call list%begin_group('load', any_number, 'a load on a body: exactly one of traction, pressure, '// &
       'local_traction, force_density or their formulas, acceleration, angular_velocity, or force and moment', &
       "&load body='block', surface='side', pressure=1e6 /"//lf// &
+      "&load body='block', edge='front', traction=0,0,-20 /"//lf// &
+      "&load body='block', nodes_at=0,0,10, force=0,0,-500 /"//lf// &
       "&load body='shaft', surface='end', force=0,0,-2e3, moment=0,0,150 /"//lf// &
       "&load body='block', force_density_formula='0', '0', '-7850*9.81' /"//lf// &
       "&load body='*', acceleration=0,0,-9.81 /"//lf// &
@@ -190,7 +194,9 @@ contains
     call list%add('body', kind_text, required=.true., meaning='name of the body, with wildcards as in &support')
     call list%add('surface', kind_text, 'physical group of the surface, with wildcards as in &support; not with '// &
       'force_density, acceleration and angular_velocity')
-    call list%add('traction', kind_real, least=2, most=3, unit='pressure', meaning='force per area in global axes')
+    call list%add_edges_and_nodes()
+    call list%add('traction', kind_real, least=2, most=3, unit='pressure', meaning='force per area in global axes; '// &
+      'on an edge force per length, on nodes the force of each node, as *CLOAD of a set of nodes')
     call list%add('pressure', kind_real, unit='pressure', &
       meaning='force per area along the inward normal: a positive pressure pushes into the body')
     call list%add('local_traction', kind_real, least=2, most=3, unit='pressure', &
@@ -212,8 +218,8 @@ contains
       meaning='a point on the axis of angular_velocity; the origin if absent; not in axisymmetry')
     call list%add('force', kind_real, least=2, most=3, unit='force', &
       meaning='total force in global axes, spread over the surface with moment as a traction that is linear in the '// &
-      'position, a + b x (x - c): its resultants are exact on any mesh; in the plane per unit thickness, in '// &
-      'axisymmetric analyses on the full circumference along the axis. Of several bodies each gets it')
+      'position, a + b x (x - c), exact on any mesh; on an edge over its length, on nodes equally; in the plane by '// &
+      'unit thickness, in axisymmetric analyses on the full circumference along the axis. Every body gets the whole')
     call list%add('moment', kind_real, least=1, most=3, unit='force*length', &
       meaning='total moment, likewise; in two dimensions that about z; not in axisymmetric analyses')
     call list%add('point', kind_real, least=2, most=3, unit='length', &
@@ -434,9 +440,8 @@ contains
       '(43)-(46), for supported bodies and theta > 0; robin: the general iteration (32) with Robin conditions on '// &
       'all constraints, on some (robin_gap) or on some pairs (condition)')
     call list%add('theta', kind_real, unit='length/pressure', not_negative=.true., &
-      meaning='penalty parameter, the compliance of a Winkler layer between the bodies; 0: no penetration; if no '// &
-      'theta is given, 0; theta_mesh=0.1 with schemes other than dual, theta_mesh=0.01 with '// &
-      'discretization=''quadrature''')
+      meaning='penalty parameter, the compliance of a Winkler layer between the bodies; 0: no penetration; if none '// &
+      'is given, 0; theta_mesh=0.1 with schemes other than dual, 0.01 with discretization=''quadrature''')
     call list%add('theta_relative', kind_real, not_negative=.true., &
       meaning='penalty parameter as a factor of size_a/E_a + size_b/E_b of each pair; size is the shortest edge of '// &
       'the body if it is a brick, else of the brick with the same moments of inertia')

@@ -44,6 +44,7 @@ module dotyk_input_keywords
   contains
     procedure :: begin_group => keyword_list_begin_group
     procedure :: add => keyword_list_add
+    procedure :: add_edges_and_nodes => keyword_list_add_edges_and_nodes
   end type keyword_list_t
 
   public :: find_group, find_key
@@ -106,6 +107,18 @@ contains
       end associate
     end associate
   end subroutine keyword_list_add
+
+  !> Add the keys of edges and nodes, in place of a surface, to the last group.
+  pure subroutine keyword_list_add_edges_and_nodes(self)
+    class(keyword_list_t), intent(inout) :: self
+    integer, parameter :: most_coordinates = 300
+    call self%add('edge', kind_text, 'in place of surface, in three dimensions: physical curve along edges of '// &
+      'elements, or a set of nodes of a deck that has no face; with wildcards')
+    call self%add('nodes', kind_text, 'in place of surface: the nodes of a physical point, curve or surface, or a '// &
+      'set of nodes of a deck; with wildcards')
+    call self%add('nodes_at', kind_real, least=2, most=most_coordinates, unit='length', meaning='in place of '// &
+      'surface: positions of nodes of the mesh, with the body in place, 2 or 3 values for each node')
+  end subroutine keyword_list_add_edges_and_nodes
 
   !> Place of a group in the table; 0 where it is unknown.
   pure integer function find_group(table, name) result(place)

@@ -10,7 +10,7 @@ module dotyk_input_loads
   use dotyk_base_text, only: join, shown, split_words, text_t, to_text
   use dotyk_input_case, only: body_input_t, field_input_t, load_input_t, material_input_t, share_a_case, support_input_t
   use dotyk_input_groups, only: group_t, pick_groups
-  use dotyk_input_references, only: append_places, input_t, read_formulas, read_vector
+  use dotyk_input_references, only: append_places, input_t, need_place, place_key, read_formulas, read_vector
   implicit none
   private
   public :: read_loads, read_supports, read_initial_stresses, read_temperatures
@@ -79,9 +79,17 @@ contains
     key = 'force'
     if (load%kind <= size(kinds)) key = kinds(load%kind)%s
     if (any(load%kind == [load_force_density, load_angular_velocity, load_acceleration])) then
-      if (group%is_given('surface')) call input%report(group, 'surface', 'surface does not go together with '//key)
-    else if (.not. group%is_given('surface')) then
-      call input%add(group%line, '&load: ''surface'' is missing')
+      do k = 1, size(place_key)
+        call input%refuse(group, trim(place_key(k)), key)
+      end do
+    else
+      call need_place(input, group)
+    end if
+    if (any(load%kind == [load_pressure, load_local_traction])) then
+      do k = 2, size(place_key)
+        if (group%is_given(trim(place_key(k)))) call input%report(group, trim(place_key(k)), key//' is along the '// &
+          'normal and axes of a surface: edges and nodes have traction, force and moment')
+      end do
     end if
     if (group%is_given('centre') .and. load%kind /= load_angular_velocity) &
       call input%report(group, 'centre', 'centre means nothing without angular_velocity')
@@ -282,6 +290,7 @@ contains
     call input%begin_action(group, support, matched)
     allocate (support%value_formula(0))
     support%is_spring = group%name == 'spring'
+    call need_place(input, group)
     if (support%is_spring) then
       call input%refuse_both(group, 'modulus', 'stiffness')
       if (.not. (group%is_given('modulus') .or. group%is_given('stiffness'))) &
@@ -300,6 +309,10 @@ contains
       call input%report(group, 'fix', 'fix: '//message)
       return
     end if
+    if (support%fix%local .and. input%scene%dimension > 0 .and. &
+        support%place%dimension < input%scene%dimension - 1) &
+      call input%report(group, 'fix', 'fix: edges and nodes have no normal: give directions of '// &
+                        trim(merge('xyz', 'xy ', input%scene%dimension == 3)))
     call read_vector(group, input, 'value', support%fix%local, support%value)
     call read_formulas(group, input, 'value_formula', support%fix%local, support%value_formula)
     call refuse_values_not_fixed(group, input, support)

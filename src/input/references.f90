@@ -4,14 +4,18 @@
 !> Vectors of two or three components, as numbers or formulas, from checked groups.
 module dotyk_input_references
   use dotyk_base_kinds, only: dp
+  use dotyk_base_place, only: place_t
   use dotyk_base_text, only: has_wildcard, matches, shown, suggestion, text_t, to_text, visible
   use dotyk_input_case, only: action_t, scene_input_t, solver_input_t
   use dotyk_input_groups, only: group_t, pick_groups
   use dotyk_input_problems, only: problems_t
   implicit none
   private
-  public :: append_places, bodies_named, find_name, find_named, first_names, names_several, why_unknown, &
+  public :: append_places, bodies_named, find_name, find_named, first_names, names_several, need_place, why_unknown, &
     read_formulas, read_vector
+
+  !> Keys that tell where a group acts.
+  character(8), parameter, public :: place_key(4) = [character(8) :: 'surface', 'edge', 'nodes', 'nodes_at']
 
   type, public :: names_t  !! Names of all groups of one kind, such as the bodies.
     character(:), allocatable :: what  !! Kind of the groups, for messages: 'body'.
@@ -228,8 +232,50 @@ contains
     call self%cases_of(group, action%in_case)
     action%line = group%line
     action%any_body = names_several(group%text_of('body'), self%bodies)
-    action%surface = group%text_of('surface')
+    call read_place(self, group, action%place)
   end subroutine begin_action
+
+  !> Report a group that needs a place and has none.
+  subroutine need_place(input, group)
+    type(input_t), intent(inout) :: input  !! What groups refer to; mistakes are added.
+    type(group_t), intent(in) :: group  !! Checked group.
+    integer :: i
+    if (any([(group%is_given(trim(place_key(i))), i=1, size(place_key))])) return
+    call input%add(group%line, '&'//group%name//': ''surface'' is missing (or edge, nodes, nodes_at)')
+  end subroutine need_place
+
+  !> Where a group acts: on a surface, an edge or nodes; nowhere in particular where it names none of them.
+  subroutine read_place(input, group, place)
+    type(input_t), intent(inout) :: input  !! What groups refer to; mistakes are added.
+    type(group_t), intent(in) :: group  !! Checked group.
+    type(place_t), intent(out) :: place  !! The place.
+    real(dp), allocatable :: numbers(:)
+    integer :: i, k, d
+    d = input%scene%dimension
+    place%dimension = d - 1
+    place%name = ''
+    k = 0
+    do i = 1, size(place_key)
+      if (.not. group%is_given(trim(place_key(i)))) cycle
+      if (k > 0) call input%refuse_both(group, trim(place_key(k)), trim(place_key(i)))
+      k = i
+      if (k < 4) place%name = group%text_of(trim(place_key(i)))
+    end do
+    if (k == 2 .and. d == 2) &
+      call input%report(group, 'edge', 'edge: in two dimensions an edge of a body is a surface: give surface')
+    if (k == 2) place%dimension = 1
+    if (k > 2) place%dimension = 0
+    if (k < 4) return
+    call group%reals_of('nodes_at', numbers)
+    if (d == 0 .or. size(numbers) == 0) return
+    if (mod(size(numbers), d) /= 0) then
+      call input%report(group, 'nodes_at', 'nodes_at needs '//to_text(d)//' values for each node, got '// &
+                        to_text(size(numbers)))
+      return
+    end if
+    allocate (place%at(3, size(numbers)/d), source=0.0_dp)
+    place%at(:d, :) = reshape(numbers, [d, size(numbers)/d])
+  end subroutine read_place
 
   !> Append what one group stands for: itself, once for each body that it names.
   pure subroutine append_places(group, matched, group_of, body_of)

@@ -31,6 +31,10 @@ module dotyk_log_case_tables
 
   integer, parameter :: label_width = 20  !! Width of the first column.
 
+  !> What a force without area means, for warnings.
+  character(*), parameter, public :: concentrated = 'an edge or nodes: stress and displacement there have no limit '// &
+    'as the mesh is refined; the estimated error of the mesh leaves out the elements there'
+
 contains
 
   !> Name of a load case, its loads, and the pairs whose gap or theta it changes.
@@ -144,6 +148,12 @@ contains
       end do
     end do
     if (n > most_shown) call log%line('  ... '//counted(n - most_shown, 'more load'))
+    do b = 1, size(problem%body)
+      if (.not. allocated(problem%body(b)%resultant)) cycle
+      if (.not. any(problem%body(b)%resultant%is_concentrated)) cycle
+      call log%line('    warning: '//quoted(problem%body(b)%name)//': a load on '//concentrated)
+      exit
+    end do
     call show_initial_states(log, problem%body)
     call warn_of_formulas(log, case, problem, changed)
   end subroutine show_loads

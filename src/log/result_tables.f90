@@ -16,7 +16,7 @@ module dotyk_log_result_tables
     bar_one_mesh, bar_singular, bar_soft, bar_zero, quantity_errors_t, quantity_value_t
   use dotyk_elasticity_body, only: body_t
   use dotyk_elasticity_nodal_stress, only: von_mises
-  use dotyk_log_case_tables, only: resultant_line, vector_text
+  use dotyk_log_case_tables, only: concentrated, resultant_line, vector_text
   use dotyk_log_tie_tables, only: show_tie_forces
   implicit none
   private
@@ -105,10 +105,13 @@ contains
     type(log_t), intent(inout) :: log  !! The log.
     type(body_t), intent(in) :: body(:)  !! Bodies (n_bodies).
     type(balance_t), intent(in) :: balance  !! Forces on them.
+    !> A reaction below this fraction of the forces on a body is that of errors of loads and solution [].
+    real(dp), parameter :: negligible = 1.0e-4_dp
     character(:), allocatable :: moments
     character(20) :: label
     real(dp) :: total(3), size_of, largest
-    integer :: b, s, n, at(2)
+    integer :: b, s, n, at(2), at_concentrated
+    at_concentrated = 0
     n = sum([(size(balance%body(b)%support), b=1, size(body))])
     if (n > 0) call log%line('  support              reaction')
     total = 0
@@ -119,12 +122,17 @@ contains
         if (n <= most_shown) call log%line(support_line(b, s))
         total = total + balance%body(b)%support(s)%force
         size_of = norm2(balance%body(b)%support(s)%force)
+        if (balance%body(b)%support(s)%is_concentrated .and. &
+            size_of + abs(balance%body(b)%support(s)%radial) > negligible*balance%body(b)%force_scale) &
+          at_concentrated = b
         if (size_of <= largest) cycle
         largest = size_of
         at = [b, s]
       end do
     end do
     if (n > 1 .and. n <= most_shown) call log%line('  all together         force '//vector_text(total, largest))
+    if (at_concentrated > 0) &
+      call log%line('    warning: '//quoted(body(at_concentrated)%name)//': a reaction on '//concentrated)
     if (n > most_shown) then
       call log%line('  '//counted(n, 'support')//': force '//vector_text(total)//' together; the largest:')
       call log%line(support_line(at(1), at(2)))

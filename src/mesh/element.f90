@@ -2,7 +2,7 @@
 module dotyk_mesh_element
   use dotyk_base_kinds, only: dp
   use dotyk_mesh_element_kind, only: element_hex20, element_hex27, element_hex8, element_kind, element_kind_t, &
-    element_line2, element_line3, element_prism15, element_prism18, element_prism6, element_pyramid13, &
+    element_line2, element_line3, element_point, element_prism15, element_prism18, element_prism6, element_pyramid13, &
     element_pyramid14, element_pyramid5, element_quad4, element_quad8, element_quad9, element_tet10, element_tet4, &
     element_tri3, element_tri6, hexahedron_node, kind_dimension, kind_nodes, line_node, max_element_nodes, max_faces, &
     max_facet_nodes, n_element_kinds, quadrilateral_node, tetrahedron_edge, tetrahedron_node, triangle_edge, &
@@ -15,14 +15,15 @@ module dotyk_mesh_element
   private
 
   public :: element_kind_t, n_element_kinds, max_element_nodes, max_facet_nodes, max_faces, kind_dimension, kind_nodes
-  public :: element_line2, element_line3, element_tri3, element_tri6, element_quad4, element_quad8, element_quad9
+  public :: element_point, element_line2, element_line3, element_tri3, element_tri6, element_quad4, element_quad8
+  public :: element_quad9
   public :: element_tet4, element_tet10, element_hex8, element_hex20, element_hex27
   public :: element_prism6, element_prism15, element_prism18, element_pyramid5, element_pyramid13, element_pyramid14
   public :: element_kind, kind_of_gmsh_type, shape_functions, shape_gradients, reference_nodes, quadrature_rule
 
 contains
 
-  !> Element kind of an element type of gmsh; 0 if the type is not supported.
+  !> Element kind of an element type of gmsh; 0 if the type is not supported, or a point.
   pure integer function kind_of_gmsh_type(gmsh_type) result(id)
     integer, intent(in) :: gmsh_type  !! Type number of gmsh.
     type(element_kind_t) :: kind
@@ -41,6 +42,8 @@ contains
     integer :: n
     n = kind_nodes(kind)
     select case (kind)
+    case (element_point)
+      values = 1
     case (element_line2, element_line3)
       call lagrange_values(n - 1, 1, n, line_node, xi, values)
     case (element_quad4, element_quad9)

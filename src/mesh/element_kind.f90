@@ -8,11 +8,12 @@ module dotyk_mesh_element_kind
   private
   public :: element_kind
 
-  integer, parameter, public :: n_element_kinds = 18  !! Number of element kinds.
+  integer, parameter, public :: n_element_kinds = 18  !! Number of element kinds, but for the point.
   integer, parameter, public :: max_element_nodes = 27  !! Greatest number of nodes of an element.
   integer, parameter, public :: max_facet_nodes = 9  !! Greatest number of nodes of a face of an element.
   integer, parameter, public :: max_faces = 6  !! Greatest number of faces of an element.
 
+  integer, parameter, public :: element_point = 0    !< a node
   integer, parameter, public :: element_line2 = 1    !< straight edge
   integer, parameter, public :: element_line3 = 2    !< quadratic edge
   integer, parameter, public :: element_tri3 = 3     !< linear triangle
@@ -33,10 +34,11 @@ module dotyk_mesh_element_kind
   integer, parameter, public :: element_pyramid14 = 18 !< quadratic pyramid, biquadratic base
 
   !> Dimension of the reference domain of each kind; a constant, so that dummies can be declared with it.
-  integer, parameter, public :: kind_dimension(n_element_kinds) = [1, 1, 2, 2, 2, 2, 2, 3, 3, 3, 3, 3, 3, 3, 3, 3, 3, 3]
+  integer, parameter, public :: kind_dimension(0:n_element_kinds) = [0, 1, 1, 2, 2, 2, 2, 2, 3, 3, 3, 3, 3, 3, 3, 3, &
+                                                                     3, 3, 3]
   !> Number of nodes of each kind.
-  integer, parameter, public :: kind_nodes(n_element_kinds) = [2, 3, 3, 6, 4, 8, 9, 4, 10, 8, 20, 27, 6, 15, 18, 5, &
-                                                               13, 14]
+  integer, parameter, public :: kind_nodes(0:n_element_kinds) = [1, 2, 3, 3, 6, 4, 8, 9, 4, 10, 8, 20, 27, 6, 15, 18, &
+                                                                 5, 13, 14]
 
   type, public :: element_kind_t  !! One element kind. The node order is that of gmsh: corners, edges, faces, interior.
     character(9) :: name = ''  !! Name for messages, as 'tet10'.
@@ -58,16 +60,18 @@ module dotyk_mesh_element_kind
   end type element_kind_t
 
   ! Properties of each kind, in the order of the numbers above.
-  character(*), parameter :: kind_name(n_element_kinds) = [character(9) :: 'line2', 'line3', 'tri3', 'tri6', 'quad4', &
-    'quad8', 'quad9', 'tet4', 'tet10', 'hex8', 'hex20', 'hex27', 'prism6', 'prism15', 'prism18', 'pyramid5', &
-    'pyramid13', 'pyramid14']  !! Names for messages.
-  integer, parameter :: gmsh_type(n_element_kinds) = [1, 8, 2, 9, 3, 16, 10, 4, 11, 5, 17, 12, 6, 18, 13, 7, 19, 14]
-  integer, parameter :: vtk_type(n_element_kinds) = [3, 21, 5, 22, 9, 23, 28, 10, 24, 12, 25, 29, 13, 26, 32, 14, 27, &
-                                                     27]
-  integer, parameter :: corner_kind(n_element_kinds) = [ &
-    element_line2, element_line2, element_tri3, element_tri3, element_quad4, element_quad4, element_quad4, &
-    element_tet4, element_tet4, element_hex8, element_hex8, element_hex8, element_prism6, element_prism6, &
-    element_prism6, element_pyramid5, element_pyramid5, element_pyramid5]  !! The linear kind on the same corners.
+  character(*), parameter :: kind_name(0:n_element_kinds) = [character(9) :: 'point', 'line2', 'line3', 'tri3', &
+    'tri6', 'quad4', 'quad8', 'quad9', 'tet4', 'tet10', 'hex8', 'hex20', 'hex27', 'prism6', 'prism15', 'prism18', &
+    'pyramid5', 'pyramid13', 'pyramid14']  !! Names for messages.
+  integer, parameter :: gmsh_type(0:n_element_kinds) = [15, 1, 8, 2, 9, 3, 16, 10, 4, 11, 5, 17, 12, 6, 18, 13, 7, 19, &
+                                                        14]
+  integer, parameter :: vtk_type(0:n_element_kinds) = [1, 3, 21, 5, 22, 9, 23, 28, 10, 24, 12, 25, 29, 13, 26, 32, 14, &
+                                                       27, 27]
+  integer, parameter :: corner_kind(0:n_element_kinds) = [ &
+    element_point, element_line2, element_line2, element_tri3, element_tri3, element_quad4, element_quad4, &
+    element_quad4, element_tet4, element_tet4, element_hex8, element_hex8, element_hex8, element_prism6, &
+    element_prism6, element_prism6, element_pyramid5, element_pyramid5, &
+    element_pyramid5]  !! The linear kind on the same corners.
 
   integer, parameter, public :: line_node(1, 3) = reshape([-1, 1, 0], [1, 3])  !! Coordinates of the nodes of lines.
 
@@ -133,7 +137,7 @@ contains
 
   !> Properties of an element kind.
   pure function element_kind(id) result(kind)
-    integer, intent(in) :: id  !! One of `element_line2` .. `element_pyramid14`.
+    integer, intent(in) :: id  !! One of `element_point` .. `element_pyramid14`.
     type(element_kind_t) :: kind
     !> Faces of the family with all nodes that any kind of it has: lines have 3, triangles 6, quadrilaterals 9.
     integer :: face(max_facet_nodes, max_faces)

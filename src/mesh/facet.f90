@@ -13,17 +13,23 @@ module dotyk_mesh_facet
 
 contains
 
-  !> Position, unit outward normal and area per reference area at a point of a facet.
+  !> Position, unit outward normal and area per reference area at a point of a facet. Edges in space and nodes have no
+  !> normal, and their length or number for area.
   pure subroutine facet_geometry(kind, dimension, x, xi, position, normal, jacobian)
-    integer, intent(in) :: kind  !! Element kind of the facet, whose dimension is one less than that of space.
+    integer, intent(in) :: kind  !! Element kind of the facet, whose dimension is less than that of space.
     integer, intent(in) :: dimension  !! Dimension of space.
     real(dp), intent(in) :: x(dimension, kind_nodes(kind))  !! Coordinates of the nodes of the facet [length].
     real(dp), intent(in) :: xi(kind_dimension(kind))  !! Reference coordinates (kind_dimension(kind)) [].
     real(dp), intent(out) :: position(dimension)  !! Position (dimension) [length].
-    real(dp), intent(out) :: normal(dimension)  !! Unit outward normal; zero where the facet is degenerate [].
-    real(dp), intent(out) :: jacobian  !! Area per reference area [length^2; length in two dimensions].
+    real(dp), intent(out) :: normal(dimension)  !! Unit outward normal; zero where the facet has none [].
+    real(dp), intent(out) :: jacobian  !! Area per reference area [length^kind_dimension(kind)].
     real(dp) :: a(3), b(3), n(3)
     call tangents(kind, dimension, x, xi, position, a, b)
+    if (kind_dimension(kind) < dimension - 1) then
+      normal = 0
+      jacobian = merge(norm2(a), 1.0_dp, kind_dimension(kind) > 0)
+      return
+    end if
     n = cross(a, b)
     jacobian = norm2(n)
     normal = n(:dimension)
@@ -47,10 +53,10 @@ contains
     position = 0
     a = 0
     b = 0
-    if (dimension == 2) then
+    if (kind_dimension(kind) < 2) then
       do i = 1, kind_nodes(kind)
         position = position + value(i)*x(:, i)
-        a(:2) = a(:2) + gradient(i)*x(:, i)
+        if (kind_dimension(kind) > 0) a(:dimension) = a(:dimension) + gradient(i)*x(:, i)
       end do
       b(3) = 1
     else

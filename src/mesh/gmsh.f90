@@ -1,14 +1,14 @@
 !> Reader of gmsh mesh files of the format MSH 4.1, text and binary (little endian).
 !>
 !> This module reads the format and the frame of the sections. Elements
-!> without a physical group and point elements are dropped; nodes are kept whether elements use them or not.
+!> without a physical group are dropped; nodes are kept whether elements use them or not.
 module dotyk_mesh_gmsh
   use dotyk_base_byte_cursor, only: byte_cursor_t
   use dotyk_base_error, only: error_t, set_error, exit_bad_input
   use dotyk_base_kinds, only: dp, int64
   use dotyk_base_text, only: to_text
   use dotyk_mesh_gmsh_common, only: allocate_nodes, begin_section, check_block, content_name, conversion_advice, &
-    find_nodes, gmsh_point, index_nodes, read_counts, read_end, read_format, skip_section, type_kind, type_nodes
+    find_nodes, index_nodes, read_counts, read_end, read_format, skip_section, type_kind, type_nodes
   use dotyk_mesh_gmsh_entities, only: entities_t, entity_t, find_entity, read_entities_41, &
     read_partitioned_entities_41
   use dotyk_mesh_gmsh_selected_nodes, only: read_selected_nodes, skip_nodes
@@ -299,7 +299,7 @@ contains
       call type_nodes(cursor, type, next_tag(cursor), first, n_nodes)
       call find_entity(cursor, entities, int(dimension), tag, first, entity)
       if (cursor%broken) return
-      kept = size(entity%group) > 0 .and. type /= gmsh_point
+      kept = size(entity%group) > 0
       if (kept) kept = builder%wants(int(dimension), entity%group)
       block = 0
       if (kept) then

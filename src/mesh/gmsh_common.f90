@@ -12,7 +12,7 @@ module dotyk_mesh_gmsh_common
   public :: allocate_nodes, index_nodes, find_nodes, type_nodes, type_kind, read_counts, check_block, begin_section, &
     content_name, read_end, read_format, skip_section
 
-  integer, parameter, public :: gmsh_point = 15  !! Type number of a point, which is never kept.
+  integer, parameter :: gmsh_point = 15  !! Type number of a point.
 
   type :: gmsh_type_t  !! Element type of gmsh.
     integer :: number  !! Type number.
@@ -140,7 +140,7 @@ contains
     kind = 0
     if (cursor%broken) return
     kind = kind_of_gmsh_type(int(type))
-    if (kind == 0) &
+    if (kind == 0 .and. type /= gmsh_point) &
       call cursor%fail('element '//to_text(element)//' is a '//gmsh_type_name(int(type))//' (gmsh type '// &
                        to_text(type)//'): only elements of order 1 and 2 are supported: mesh with '// &
                        'Mesh.ElementOrder = 1 or 2', position)

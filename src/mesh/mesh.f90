@@ -7,6 +7,7 @@ module dotyk_mesh_mesh
   use dotyk_base_files, only: is_cad_file, is_foreign_mesh
   use dotyk_base_kinds, only: dp, int64
   use dotyk_base_text, only: has_wildcard, join, matches, nearest_name, quoted, text_t
+  use dotyk_mesh_element_kind, only: element_point
   implicit none
   private
   public :: group_names, groups_named, groups_like, unknown_group, names_text, fault_of_volume, material_of_block, &
@@ -52,8 +53,8 @@ module dotyk_mesh_mesh
 
   type, public :: mesh_selection_t  !! What is read of a mesh file.
     logical :: everything = .true.  !! Whether all is read; the other components have no meaning then.
-    integer :: dimension = 3  !! Dimension of the volumes: that of space. Elements below surfaces are not read.
-    !> Names of physical groups: their elements are read, and all elements of surfaces (n_names).
+    integer :: dimension = 3  !! Dimension of the volumes: that of space. All elements below it are read.
+    !> Names of physical groups: their elements are read, and all of surfaces, curves and points (n_names).
     type(text_t), allocatable :: volume(:)
     !> Whether the elements of the volumes are counted only (`n_in_file` of their blocks): nothing else is read.
     logical :: counts_only = .false.
@@ -70,6 +71,7 @@ contains
     integer :: i
     do i = 1, size(self%block)
       associate (block => self%block(i))
+        if (block%kind == element_point) cycle
         if (size(block%group) /= 1) return
         if (any(block%entity /= self%group(block%group(1))%tag)) return
       end associate
@@ -151,6 +153,10 @@ contains
     integer :: other
     kind = 'physical '//trim(kind_name(dimension))
     if (is_cad_file(mesh%file)) kind = trim(merge('solid', 'face ', dimension == 3))
+    if (is_cad_file(mesh%file) .and. dimension < 2) then
+      message = 'mesh '//quoted(mesh%file)//' has no names of edges and points: give nodes_at, positions of nodes'
+      return
+    end if
     call group_names(mesh, dimension, names)
     suggestion = nearest_name(name, names)
     message = 'mesh '//quoted(mesh%file)//' has no '//kind// &
@@ -164,7 +170,7 @@ contains
     else
       message = message//', nor any other: name them in gmsh, as Physical '//capital_name(dimension)//'("name") = {1};'
     end if
-    do other = 1, 3
+    do other = 0, 3
       if (other == dimension) cycle
       if (.not. any(groups_named(mesh, name, other))) cycle
       message = message//'; '//quoted(name)//' is a physical '//trim(kind_name(other))

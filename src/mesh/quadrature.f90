@@ -12,8 +12,8 @@
 module dotyk_mesh_quadrature
   use dotyk_base_kinds, only: dp
   use dotyk_mesh_element_kind, only: element_hex20, element_hex27, element_hex8, element_line2, element_line3, &
-    element_pyramid13, element_pyramid14, element_pyramid5, element_quad4, element_quad8, element_quad9, &
-    element_tet10, element_tet4, element_tri3, element_tri6
+    element_point, element_pyramid13, element_pyramid14, element_pyramid5, element_quad4, element_quad8, &
+    element_quad9, element_tet10, element_tet4, element_tri3, element_tri6
   implicit none
   private
   public :: quadrature_rule
@@ -39,6 +39,9 @@ contains
     x = 2*x - 1
     w = 2*w
     select case (kind)
+    case (element_point)
+      allocate (points(0, 1), weights(1))
+      weights = 1
     case (element_line2, element_line3)
       call product_rule(1, n, x, w, points, weights)
     case (element_quad4, element_quad8, element_quad9)

@@ -19,7 +19,9 @@ module dotyk_mesh_surface
   public :: extract_surface, surface_nodes, surface_names, gather_facets, node_numbers, refuse_inner, &
     facets_in_boundary, boundary_part, find_entities, find_common_facets
 
-  type, public :: surface_t  !! Facets of one body.
+  !> Facets of one body. Facets of lower dimension, lines in space and nodes, make an edge or a set of nodes
+  !> (`dotyk_mesh_edges_and_nodes`): they have neither parents nor normals, and loads and supports alone act on them.
+  type, public :: surface_t
     character(:), allocatable :: name  !! Name of the physical group, or a name with wildcards.
     integer :: dimension = 0  !! Dimension of space.
     integer :: n_facets = 0  !! Number of facets.
@@ -37,6 +39,7 @@ module dotyk_mesh_surface
     !> shape.
     logical :: order_elevated = .false.
   contains
+    procedure :: is_concentrated => surface_is_concentrated
     procedure :: carry => surface_carry
   end type surface_t
 
@@ -287,6 +290,12 @@ contains
       end do
     end do
   end function touches
+
+  !> Whether it is an edge in space, or a set of nodes: what acts on it has no area.
+  pure logical function surface_is_concentrated(self) result(is_concentrated)
+    class(surface_t), intent(in) :: self
+    is_concentrated = any(kind_dimension(self%kind(:self%n_facets)) < self%dimension - 1)
+  end function surface_is_concentrated
 
   !> Put a surface into a parcel, or take it out.
   subroutine surface_carry(self, parcel)

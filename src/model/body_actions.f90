@@ -89,15 +89,6 @@ contains
 
   contains
 
-    !> Take a surface of the body; messages name the body.
-    subroutine take_surface(name, surface, error)
-      character(*), intent(in) :: name  !! Name of the surface, maybe with wildcards.
-      type(surface_t), intent(out) :: surface  !! The surface.
-      type(error_t), allocatable, intent(out) :: error  !! Allocated where the body has no such surface.
-      call volume%take_surface(mesh, name, surface, error)
-      call add_context(error, 'body '//quoted(body%name)//': ')
-    end subroutine take_surface
-
     !> Set loads, temperature and initial stress of a load case.
     subroutine set_loads(k)
       integer, intent(in) :: k  !! The load case.
@@ -105,9 +96,9 @@ contains
       do i = 1, size(case%load)
         if (case%load(i)%body /= b) cycle
         if (case%load(i)%any_body .and. acts_on_surface(case%load(i))) then
-          if (.not. volume%has_surface(mesh, case%load(i)%surface)) cycle
+          if (.not. volume%has_place(mesh, body%mesh%x, case%load(i)%place)) cycle
           ! Of the bodies that wildcards name, one on the axis has as little of a load as one without the surface.
-          if (volume%lies_on_axis(mesh, body%mesh%x, body%analysis, case%load(i)%surface)) cycle
+          if (volume%lies_on_axis(mesh, body%mesh%x, body%analysis, case%load(i)%place)) cycle
         end if
         load_used(i) = .true.
         if (.not. applies_in(case%load(i)%in_case, k)) cycle
@@ -132,10 +123,11 @@ contains
       type(error_t), allocatable, intent(out) :: failed  !! Allocated where the load cannot be used.
       type(surface_t) :: surface
       if (acts_on_surface(given)) then
-        call take_surface(given%surface, surface, failed)
+        call volume%take_place(mesh, body%mesh%x, given%place, surface, failed)
+        call add_context(failed, 'body '//quoted(body%name)//': ')
         if (.not. allocated(failed)) then
-          if (volume%lies_on_axis(mesh, body%mesh%x, body%analysis, given%surface)) &
-            call set_error(failed, 'body '//quoted(body%name)//': '//quoted(given%surface)//' lies on the axis and '// &
+          if (volume%lies_on_axis(mesh, body%mesh%x, body%analysis, given%place)) &
+            call set_error(failed, 'body '//quoted(body%name)//': '//quoted(surface%name)//' lies on the axis and '// &
                            'has no area', exit_bad_input)
         end if
       end if

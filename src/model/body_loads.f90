@@ -10,7 +10,7 @@ module dotyk_model_body_loads
   use dotyk_elasticity_load_report, only: difference_in_volume, difference_on_surface, load_resultant_t, &
     notable_difference, resultant_of
   use dotyk_input_case, only: load_input_t
-  use dotyk_mesh_surface, only: surface_t
+  use dotyk_mesh_surface, only: surface_nodes, surface_t
   use dotyk_ranks_exchange, only: agree_on_error
   implicit none
   private
@@ -83,6 +83,12 @@ contains
         call note_resultant(body, body%load - before, surface%name//' (mass)')
       else
         call note_resultant(body, body%load - before, surface%name)
+      end if
+      if (surface%is_concentrated() .and. .not. body%constraint%rigid%is_set) then
+        associate (new => body%resultant(size(body%resultant)))
+          new%is_concentrated = .true.
+          call surface_nodes(surface, new%node)
+        end associate
       end if
       call check_formula(body, 'the load on '//quoted(surface%name), surface, load%formula)
     end if

@@ -71,8 +71,10 @@ contains
       call build_file(whole_mesh)
     end do
     if (problems%count == 0) then
-      call refuse_unused(case%file, case%scene%analysis, case%support%line, support_used, support_names(case), problems)
-      call refuse_unused(case%file, case%scene%analysis, case%load%line, load_used, load_names(case), problems)
+      call refuse_unused(case%file, case%scene%analysis, case%support%line, support_used, support_names(case), &
+                         case%support%place%dimension == case%scene%dimension - 1, problems)
+      call refuse_unused(case%file, case%scene%analysis, case%load%line, load_used, load_names(case), &
+                         case%load%place%dimension == case%scene%dimension - 1, problems)
       call refuse_on_both_halves(case, support_used, load_used, problems)
     end if
     call problems%raise(error)
@@ -117,12 +119,13 @@ contains
   end subroutine build_bodies
 
   !> Report groups whose wildcards name bodies of which none has the surface.
-  subroutine refuse_unused(file, analysis, line, used, group, problems)
+  subroutine refuse_unused(file, analysis, line, used, group, on_surface, problems)
     character(*), intent(in) :: file  !! The namelist file.
     integer, intent(in) :: analysis  !! Type of analysis: one of the `analysis_*` constants.
     integer, intent(in) :: line(:)  !! Line of each support or load; those of one group follow each other (n).
     logical, intent(in) :: used(:)  !! Whether the body has the surface (n).
     character(*), intent(in) :: group(:)  !! Name of the group of each, for messages (n).
+    logical, intent(in) :: on_surface(:)  !! Whether its place is a surface, not an edge or nodes (n).
     type(problem_list_t), intent(inout) :: problems  !! Problems so far; mistakes are added.
     logical :: one_used
     integer :: k
@@ -134,8 +137,9 @@ contains
       end if
       if (.not. one_used) &
         call problems%add(file//':'//to_text(line(k))//': '//trim(group(k))//': none of the bodies '// &
-                          'has such a surface'//trim(merge(' off the axis', '             ', &
-                          analysis == analysis_axisymmetric .and. group(k) /= '&support')), exit_bad_input)
+                          'has such '//trim(merge('a surface       ', 'an edge or nodes', on_surface(k)))// &
+                          trim(merge(' off the axis', '             ', on_surface(k) .and. &
+                                     analysis == analysis_axisymmetric .and. group(k) /= '&support')), exit_bad_input)
       one_used = .false.
     end do
   end subroutine refuse_unused

@@ -67,9 +67,9 @@ contains
       associate (given => case%support(i))
         if (given%body /= b) cycle
         if (given%any_body) then
-          if (.not. volume%has_surface(mesh, given%surface)) cycle
+          if (.not. volume%has_place(mesh, body%mesh%x, given%place)) cycle
           if (given%is_spring) then
-            if (volume%lies_on_axis(mesh, body%mesh%x, body%analysis, given%surface)) cycle
+            if (volume%lies_on_axis(mesh, body%mesh%x, body%analysis, given%place)) cycle
           end if
           used(i) = .true.
         end if
@@ -81,13 +81,13 @@ contains
         n = n + 1
         groups(n)%member = [i]
         groups(n)%is_spring = given%is_spring
-        call volume%take_surface(mesh, given%surface, gathered(n)%surface, failed)
+        call volume%take_place(mesh, body%mesh%x, given%place, gathered(n)%surface, failed)
         gathered(n)%fix = given%fix
         call add_context(failed, 'body '//quoted(body%name)//': ')
         if (given%is_spring .and. .not. allocated(failed)) then
-          if (volume%lies_on_axis(mesh, body%mesh%x, body%analysis, given%surface)) &
-            call set_error(failed, '&spring: body '//quoted(body%name)//': '//quoted(given%surface)//' lies on the '// &
-                           'axis and has no area', exit_bad_input)
+          if (volume%lies_on_axis(mesh, body%mesh%x, body%analysis, given%place)) &
+            call set_error(failed, '&spring: body '//quoted(body%name)//': '//quoted(gathered(n)%surface%name)// &
+                           ' lies on the axis and has no area', exit_bad_input)
         end if
         if (allocated(failed)) call problems%add_error(failed, case%file//':'//to_text(given%line)//': ')
       end associate
@@ -173,7 +173,8 @@ contains
           fixed(n)%line = given%line
           fixed(n)%value = given%value
           fixed(n)%formula = given%value_formula
-          call check_formula(body, 'the support of '//quoted(given%surface), fixed(n)%surface, given%value_formula)
+          call check_formula(body, 'the support of '//quoted(fixed(n)%surface%name), fixed(n)%surface, &
+                             given%value_formula)
         end associate
       end do
     end do
@@ -211,7 +212,7 @@ contains
     do g = 1, size(group)
       associate (first => case%support(group(g)%member(1)), own => case%support(i))
         if (own%is_spring .or. first%is_spring) cycle
-        if (first%surface /= own%surface .or. .not. same_directions(first%fix, own%fix)) cycle
+        if (first%place%text(3) /= own%place%text(3) .or. .not. same_directions(first%fix, own%fix)) cycle
       end associate
       if (all([(are_apart(group(g)%member(m), i), m=1, size(group(g)%member))])) return
     end do

@@ -81,8 +81,9 @@ contains
     call add_used(own%support_used)
     call add_used(own%load_used)
     call refuse_unused(case%file, case%scene%analysis, case%support%line, own%support_used, &
-                       support_names(case), own%problems)
-    call refuse_unused(case%file, case%scene%analysis, case%load%line, own%load_used, load_names(case), own%problems)
+                       support_names(case), case%support%place%dimension == case%scene%dimension - 1, own%problems)
+    call refuse_unused(case%file, case%scene%analysis, case%load%line, own%load_used, load_names(case), &
+                       case%load%place%dimension == case%scene%dimension - 1, own%problems)
     if (own%problems%count > 0) return
     call find_classes(case, survey, owner, own, classes)
     if (on_any_rank(own%problems%count > 0)) return

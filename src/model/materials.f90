@@ -11,13 +11,12 @@ module dotyk_model_materials
   use dotyk_base_kinds, only: dp
   use dotyk_base_options, only: analysis_plane_stress, locking_auto, locking_ignore, material_isotropic, &
     material_orthotropic
-  use dotyk_base_text, only: quoted, to_text
+  use dotyk_base_text, only: point_text, quoted, to_text
   use dotyk_elasticity_material, only: material_t
   use dotyk_elasticity_material_field, only: material_field_t
   use dotyk_elasticity_part_sums, only: greatest_of_parts
   use dotyk_elasticity_shape_table, only: shape_table_pair_t
   use dotyk_elasticity_stiffness_tensor, only: material_axes, rotate_stiffness, rotate_strain
-  use dotyk_elasticity_vector_field, only: point_text
   use dotyk_input_case, only: case_t, material_input_t
   use dotyk_mesh_body_mesh, only: body_mesh_t
   use dotyk_mesh_element, only: element_hex8, element_kind, element_kind_t, element_quad4

@@ -126,10 +126,10 @@ contains
       end associate
     end do
     do k = 1, size(case%support)
-      call add(case%support(k)%surface, [case%support(k)%body])
+      call add(case%support(k)%place%text(case%scene%dimension), [case%support(k)%body])
     end do
     do k = 1, size(case%load)
-      call add(case%load(k)%surface, [case%load(k)%body])
+      call add(case%load(k)%place%text(case%scene%dimension), [case%load(k)%body])
     end do
 
   contains

@@ -7,12 +7,14 @@ module dotyk_model_volumes
   use dotyk_base_kinds, only: dp
   use dotyk_base_options, only: analysis_axisymmetric, load_total
   use dotyk_base_parcel, only: parcel_t
+  use dotyk_base_place, only: place_t
   use dotyk_base_text, only: matches, quoted, text_t, to_text
   use dotyk_elasticity_foundation, only: surface_area
   use dotyk_input_case, only: body_input_t, case_t, cut_input_t, cut_surface, scene_input_t
   use dotyk_mesh_body_cut, only: cut_along_plane, cut_along_surface, extract_cut, take_half
   use dotyk_mesh_body_mesh, only: body_mesh_t, extract_body, whole_body_t
   use dotyk_mesh_boundary, only: extract_boundary
+  use dotyk_mesh_edges_and_nodes, only: extract_edges_or_nodes, find_nodes_at, known_to_all
   use dotyk_mesh_element, only: element_kind, element_kind_t
   use dotyk_mesh_held_part, only: choose_part, held_surface, hold_part
   use dotyk_mesh_joints, only: joints_t
@@ -31,8 +33,8 @@ module dotyk_model_volumes
     type(joints_t) :: joints  !! How its parts hang together.
     type(error_t), allocatable :: error  !! Allocated where the mesh has no such volume.
     integer :: n_bodies = 0  !! Number of bodies that were built of it.
-    integer, private :: n = 0  !! Number of extracted surfaces.
-    type(surface_t), allocatable, private :: surface(:)  !! Extracted surfaces; the first n are in use (n_allocated).
+    integer, private :: n = 0  !! Number of extracted surfaces, edges and sets of nodes.
+    type(surface_t), allocatable, private :: surface(:)  !! All of these; the first n are in use (n_allocated).
     !> Names of its physical groups of surfaces; allocated when first asked for (n_names).
     type(text_t), allocatable, private :: name(:)
     type(surface_t), allocatable, private :: boundary  !! Its whole boundary; allocated when first asked for.
@@ -42,7 +44,9 @@ module dotyk_model_volumes
     procedure :: complete => volume_complete
     procedure :: hold => volume_hold
     procedure :: carry => volume_carry
+    procedure :: take_place => volume_take_place
     procedure :: take_surface => volume_take_surface
+    procedure :: has_place => volume_has_place
     procedure :: has_surface => volume_has_surface
     procedure :: lies_on_axis => volume_lies_on_axis
     procedure :: take_boundary => volume_take_boundary
@@ -138,6 +142,22 @@ contains
     boundary = self%boundary
   end subroutine volume_take_boundary
 
+  !> Whether the volume has a surface, an edge or nodes.
+  logical function volume_has_place(self, mesh, x, place) result(has)
+    class(volume_t), intent(inout) :: self
+    type(mesh_t), intent(in) :: mesh  !! Mesh of the volume.
+    real(dp), intent(in) :: x(:, :)  !! Nodes of the body in place (dimension, n_nodes) [length].
+    type(place_t), intent(in) :: place  !! The place.
+    type(surface_t) :: surface
+    type(error_t), allocatable :: failed
+    if (place%dimension == self%mesh%dimension - 1) then
+      has = self%has_surface(mesh, place%name)
+    else
+      call self%take_place(mesh, x, place, surface, failed)
+      has = .not. allocated(failed)
+    end if
+  end function volume_has_place
+
   !> Whether the volume has a surface of a name.
   logical function volume_has_surface(self, mesh, name) result(has)
     class(volume_t), intent(inout) :: self
@@ -172,18 +192,18 @@ contains
   end subroutine find_names
 
   !> Whether a surface lies on the axis of an axisymmetric body, where it has no area; not where there is no such
-  !> surface.
-  logical function volume_lies_on_axis(self, mesh, x, analysis, name) result(lies)
+  !> surface. Nodes have no area anywhere.
+  logical function volume_lies_on_axis(self, mesh, x, analysis, place) result(lies)
     class(volume_t), intent(inout) :: self
     type(mesh_t), intent(in) :: mesh  !! Mesh of the volume.
     real(dp), intent(in) :: x(:, :)  !! Nodes of the body in place (dimension, n_nodes) [length].
     integer, intent(in) :: analysis  !! Type of analysis: one of the `analysis_*` constants.
-    character(*), intent(in) :: name  !! Physical group of the surface.
+    type(place_t), intent(in) :: place  !! The surface.
     type(surface_t) :: surface
     type(error_t), allocatable :: failed
     lies = .false.
-    if (analysis /= analysis_axisymmetric) return
-    call self%take_surface(mesh, name, surface, failed)
+    if (analysis /= analysis_axisymmetric .or. place%dimension == 0) return
+    call self%take_surface(mesh, place%name, surface, failed)
     if (.not. allocated(failed)) lies = .not. surface_area(x, analysis, surface) > 0
   end function volume_lies_on_axis
 
@@ -194,15 +214,54 @@ contains
     character(*), intent(in) :: name  !! Physical group of the surface.
     type(surface_t), intent(out) :: surface  !! The surface.
     type(error_t), allocatable, intent(out) :: error  !! Allocated where the volume has no such surface.
+    type(place_t) :: place
+    place%dimension = self%mesh%dimension - 1
+    place%name = trim(name)
+    call take_named(self, mesh, place, surface, error)
+  end subroutine volume_take_surface
+
+  !> Take a surface, an edge or nodes of a body.
+  subroutine volume_take_place(self, mesh, x, place, surface, error)
+    class(volume_t), intent(inout) :: self
+    type(mesh_t), intent(in) :: mesh  !! Mesh of the volume.
+    real(dp), intent(in) :: x(:, :)  !! Nodes of the body in place (dimension, n_nodes) [length].
+    type(place_t), intent(in) :: place  !! The place.
+    type(surface_t), intent(out) :: surface  !! The place as a surface, maybe of facets that are lines or nodes.
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where the body has none.
+    integer :: f
+    logical, allocatable :: known(:)
+    if (allocated(place%at)) then
+      call find_nodes_at(self%mesh, x, place, surface, error)
+    else
+      call take_named(self, mesh, place, surface, error)
+    end if
+    if (allocated(error) .or. place%dimension > 0 .or. .not. self%mesh%is_in_parts()) return
+    known = [.false., known_to_all(self%mesh)]
+    if (.not. all([(known(1 + surface%node(1, f)), f=1, surface%n_facets)])) &
+      call set_error(error, quoted(surface%name)//' lies inside the body, which is split over ranks: those on its '// &
+                     'surface are possible, or run with one process', exit_bad_input)
+  end subroutine volume_take_place
+
+  !> Extract what physical groups name, or copy it where it is extracted already.
+  subroutine take_named(self, mesh, place, surface, error)
+    type(volume_t), intent(inout) :: self  !! The volume; keeps it.
+    type(mesh_t), intent(in) :: mesh  !! Mesh of the volume.
+    type(place_t), intent(in) :: place  !! The place.
+    type(surface_t), intent(out) :: surface  !! The place as a surface.
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where the volume has no such place.
     type(surface_t), allocatable :: more(:)
+    character(:), allocatable :: name
     integer :: i
+    name = place%text(self%mesh%dimension)
     do i = 1, self%n
-      if (self%surface(i)%name /= trim(name)) cycle
+      if (self%surface(i)%name /= name) cycle
       surface = self%surface(i)
       return
     end do
     if (self%mesh%is_in_parts()) then
       call set_error(error, 'the parts of mesh '//quoted(self%mesh%file)//' have no surface '//quoted(name))
+    else if (place%dimension < self%mesh%dimension - 1) then
+      call extract_edges_or_nodes(mesh, self%mesh, place, surface, error)
     else
       call extract_surface(mesh, self%mesh, name, surface, error)
       if (self%is_half .and. .not. allocated(error)) call refuse_at_cut()
@@ -224,7 +283,7 @@ contains
       call find_common_facets(surface, self%surface(1), is_cut)
       if (any(is_cut)) call refuse_inner(mesh, name, count(is_cut), surface%tag(findloc(is_cut, .true., dim=1)), error)
     end subroutine refuse_at_cut
-  end subroutine volume_take_surface
+  end subroutine take_named
 
   !> Take the faces of a rigid body without volume.
   subroutine take_rigid_surface(mesh, scene, given, body_mesh, error)
@@ -311,7 +370,7 @@ contains
         call refuse(case%support(k)%line, '&spring', 'the whole stiffness', case%support(k)%body)
     end do
     do k = 1, size(case%load)
-      if (case%load(k)%kind /= load_total) cycle
+      if (case%load(k)%kind /= load_total .and. case%load(k)%place%dimension == case%scene%dimension - 1) cycle
       if (is_on_both(case%load%body, case%load%line, load_used, k)) &
         call refuse(case%load(k)%line, trim(merge('&mass', '&load', case%load(k)%of_mass)), &
                     trim(merge('the whole mass ', 'the whole force', case%load(k)%of_mass)), case%load(k)%body)

@@ -106,10 +106,32 @@ class Inp2Dotyk(dotyk_case.Case):
                     "\n*MATERIAL, NAME=M\n*ELASTIC\n1, 0.3\n*SOLID SECTION, ELSET=E, MATERIAL=M\n*STEP\n*STATIC\n*CLOAD\n" + force + "*END STEP\n")
             if shape == "tet":
                 # nodes without force are no part of what is loaded
-                self.assertIn("forces in direction x on 3 nodes of body E that are no whole face", self.convert(deck, code=1)[1])
+                text, _ = self.convert(deck)
+                self.assertIn("&load body='E', nodes='force_1_x_nodes', traction=2.333333333, 0, 0 /", text)
                 continue
             found = re.search(r"&load body='E', surface='force_1_x', traction=(\S+), 0, 0 /", self.convert(deck)[0])
             self.assertAlmostEqual(float(found.group(1)), 7/area, delta=1e-6)
+
+    def test_nodes_of_no_whole_face(self):
+        """A cube that three nodes hold, under forces of single nodes in two steps: stress and reactions as the deck has them."""
+        deck = (CUBE + "*ELEMENT, TYPE=C3D8, ELSET=E\n1, 1,2,3,4,5,6,7,8\n*NSET, NSET=two\n5, 6\n*BOUNDARY\n1, 1, 3\n2, 2, 3\n4, 3\n"
+                "*MATERIAL, NAME=M\n*ELASTIC\n200., 0.\n*SOLID SECTION, ELSET=E, MATERIAL=M\n*STEP\n*STATIC\n*CLOAD\ntwo, 3, 1.\n7, 3, 2.\n"
+                "*END STEP\n*STEP\n*STATIC\n*CLOAD\n7, 3, 1.\n8, 3, 1.\n1, 3, -1.\n2, 3, -1.\n3, 3, -1.\n4, 3, -1.\n*BOUNDARY\n4, 3, 3, 0.5\n*END STEP\n")
+        text, said = self.convert(deck.replace("3, 3, 0.5", "3"))
+        self.assertEqual(said, "")
+        for line in ("&support body='E', nodes='fix_1', fix='xyz' /", "&support body='E', nodes='fix_2', fix='yz' /",
+                     "&support body='E', nodes='fix_3', fix='z' /", "&load body='E', nodes='force_1_z_nodes', traction=0, 0, 1, case='step 1' /",
+                     "&load body='E', nodes='force_1_z_nodes_', traction=0, 0, 2, case='step 1' /"):
+            self.assertIn(line, text)
+        self.dotyk("deck.nml")
+        cases = self.results("deck.vtkhdf")["dotyk/cases"]
+        force = cases["step 1/supports/force"][:]
+        np.testing.assert_allclose(force.sum(axis=0), (0, 0, -4), atol=1e-9)
+        np.testing.assert_allclose(cases["step 2/supports/force"][:], 0, atol=1e-9)
+        stress = self.results("deck.vtkhdf")["VTKHDF/CellData/stress"][:]
+        self.assertEqual(stress.shape, (2, 6))
+        np.testing.assert_allclose(stress[1], (0, 0, 4, 0, 0, 0), atol=1e-9)
+        self.assertIn("value=0, 0, 0.5, case='step 2' /", self.convert(deck)[0])
 
     def test_materials(self):
         """Orthotropic and anisotropic constants, and engineering ones of the same material, give one answer."""
@@ -153,13 +175,12 @@ class Inp2Dotyk(dotyk_case.Case):
 
     def test_what_is_not_carried_over(self):
         """Each in a comment and on the standard error; exit code 1."""
-        deck = TWO % ("*PLASTIC\n1., 0.\n", "EXPONENTIAL\n1., 2.\n*FRICTION\n0.1, 1000.", "*CLOAD\n18, 3, -1.\n*BOUNDARY\n5, 3\n")
+        deck = TWO % ("*PLASTIC\n1., 0.\n", "EXPONENTIAL\n1., 2.\n*FRICTION\n0.1, 1000.", "*CLOAD\n18, 4, -1.\n*BOUNDARY\n5, 11\n")
         deck = deck.replace("*STEP\n", "*EQUATION\n2\n1,1,1.,2,1,-1.\n*STEP, NLGEOM\n", 1) + "*STEP\n*STATIC\n*END STEP\n"
         text, said = self.convert(deck, code=1)
         for message in ("material M: *PLASTIC; dotyk is linear elastic", "pressure-overclosure EXPONENTIAL: taken for hard contact",
                         "friction: contact is frictionless", "*EQUATION", "NLGEOM: displacements are small",
-                        "forces in direction z on 1 nodes of body body_2 that are no whole face (18), in all -1",
-                        "direction z of 1 nodes on no whole face with it (5)"):
+                        "moments and other loads of nodes (degree of freedom 4)", "degree of freedom 11 of nodes (temperature, rotation)"):
             self.assertIn(message, said)
             self.assertIn(message, text)
         self.assertEqual(said.count("\n"), text.count("! Not carried over"))

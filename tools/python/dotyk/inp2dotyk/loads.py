@@ -15,7 +15,7 @@ class Loads(Namelist):
     """&support, &load and &temperature."""
 
     def supports(self):
-        """&support on the faces all of whose nodes have the same given displacements; their values by load case."""
+        """&support on the faces all of whose nodes have the same given displacements, and on other nodes; their values by load case."""
         given, place = collections.defaultdict(dict), {}
         for n, d in self.steps[0].displacement:
             if n in self.reference or n in self.turning or d > self.deck.dimension:
@@ -31,9 +31,20 @@ class Loads(Namelist):
             if common and self.deck.body_of[face[0]] not in self.rigid:
                 groups.setdefault((self.deck.body_of[face[0]], common, tuple(given[nodes[0]][d] for d in common)), []).append(face)
         held = collections.defaultdict(set)
-        for i, ((b, directions, values), faces) in enumerate(groups.items(), 1):
-            head = "&support body=%s, surface=%s, fix='%s'" % (quoted(self.body(b)), quoted(self.surface("fix_%d" % i, faces)),
-                                                               "".join(self.axes[d - 1] for d in directions))
+        for (_, directions, _), faces in groups.items():
+            for n in (n for face in faces for n in self.deck.outer[face]):
+                held[n].update(directions)
+        lost = collections.defaultdict(list)
+        for n, of_node in given.items():
+            left = tuple(d for d in sorted(of_node) if d not in held[n])
+            b = self.deck.body_of_node.get(n)
+            for d in left if b is None or b in self.rigid else ():
+                lost[place[n, d], d, b is None].append(n)
+            if left and b is not None and b not in self.rigid:
+                groups.setdefault((b, left, tuple(of_node[d] for d in left), "nodes"), []).append(n)
+        for i, ((b, directions, values, *of_nodes), members) in enumerate(groups.items(), 1):
+            where = "nodes=" + quoted(self.node_set("fix_%d" % i, members)) if of_nodes else "surface=" + quoted(self.surface("fix_%d" % i, members))
+            head = "&support body=%s, %s, fix='%s'" % (quoted(self.body(b)), where, "".join(self.axes[d - 1] for d in directions))
             cases = collections.OrderedDict()
             for k, case in enumerate(self.cases):
                 cases.setdefault(tuple(value[k] for value in values), []).append(case)
@@ -43,21 +54,13 @@ class Loads(Namelist):
                 self.lines.append("%s, value=%s%s /" % (head, text_of(full), self.keys_of_cases(of_value)))
             if not moved:
                 self.lines.append(head + " /")
-            for face in faces:
-                for n in self.deck.outer[face]:
-                    held[n].update(directions)
-        lost = collections.defaultdict(list)
-        for n, values in given.items():
-            for d in values:
-                if d not in held[n]:
-                    lost[place[n, d], d, n in self.deck.body_of_node].append(n)
-        for (at, d, solid), nodes in sorted(lost.items()):
+        for (at, d, alone), nodes in sorted(lost.items()):
             listed = "%s%s" % (", ".join(map(str, sorted(nodes)[:8])), ", ..." if len(nodes) > 8 else "")
             self.leave(at, "*BOUNDARY: direction %s of %d nodes %s (%s)" % (
-                "xyz"[d - 1], len(nodes), "on no whole face with it" if solid else "that no solid element has", listed))
+                "xyz"[d - 1], len(nodes), "that no solid element has" if alone else "of a rigid body", listed))
 
     def nodal_forces(self, step):
-        """&load of nodal forces: a traction where they are its nodal forces, else a total force and moment."""
+        """&load of nodal forces: a traction where they are its nodal forces, on whole faces else a total force and moment, or those of nodes."""
         force, places, lines = collections.defaultdict(lambda: np.zeros(3)), collections.defaultdict(dict), []
         for (n, d), entries in step.force.items():
             if n in self.reference or n in self.turning:
@@ -81,9 +84,11 @@ class Loads(Namelist):
                 faces = [face for face, of_face in self.deck.outer.items() if nodes.issuperset(of_face)]
                 unit = self.deck.unit_loads(faces)
                 if set(unit) != nodes:
-                    leave(b, d, "forces in direction %s on %d nodes of body %s that are no whole face (%s%s), in all %.6g"
-                          % ("xyz"[d], len(nodes), self.body(b), ", ".join(map(str, sorted(nodes)[:8])), ", ..." if len(nodes) > 8 else "",
-                             sum(force[n][d] for n in nodes)))
+                    for value in sorted({force[n][d] for n in nodes}):
+                        vector = np.zeros(self.deck.dimension)
+                        vector[d] = value
+                        own = self.node_set("force_%d_%s_nodes" % (b + 1, "xyz"[d]), [n for n in nodes if force[n][d] == value])
+                        lines.append("&load body=%s, nodes=%s, traction=%s" % (quoted(self.body(b)), quoted(own), text_of(vector)))
                     continue
                 patches = self.deck.patches(faces)
                 units = [self.deck.unit_loads(patch) for patch in patches]

@@ -49,6 +49,17 @@ class Namelist:
         self.more += ["%d, S%d" % face for face in faces]
         return name
 
+    def node_set(self, name, nodes):
+        """A set of nodes of the file of sets; its name."""
+        key = name.split("_")[0], tuple(sorted(nodes))
+        if key not in self.known:
+            while name.upper() in self.used:
+                name += "_"
+            self.used.add(name.upper())
+            self.known[key] = name
+            self.more += ["*NSET, NSET=%s" % name] + [", ".join(map(str, key[1][i:i + 10])) for i in range(0, len(nodes), 10)]
+        return self.known[key]
+
     def nodes_of(self, field):
         return self.deck.members(self.deck.node_sets, field)
 

@@ -1,7 +1,8 @@
 """Elements with sets, as decks and unstructured grids tell them, made blocks of physical groups.
 
 Sets of elements become volumes, in two dimensions surfaces; surfaces, and sets of nodes as the outer faces all of whose nodes are in the
-set, become surfaces, in two dimensions curves. Where elements belong to no set, all elements are the volume `Eall`.
+set, become surfaces, in two dimensions curves. Nodes of a set that no such face has become points; where it has no face at all, its
+edges become curves. Where elements belong to no set, all elements are the volume `Eall`.
 """
 import numpy as np
 
@@ -128,7 +129,7 @@ class Mesh:
                 yield chosen, kind, self.rows[name][self.row[element[chosen]]][:, nodes]
 
     def faces_of_nodes(self, nodes):
-        """The outer faces all of whose nodes are given, and the number of the given nodes on outer faces, but on none of these."""
+        """The outer faces all of whose nodes are given, the given nodes on none of these, and how many of them are on other outer faces."""
         element, label = self.outer()
         inside, on_face, on_chosen = (np.zeros(len(self.node_tags), dtype=bool) for _ in range(3))
         inside[nodes] = True
@@ -137,21 +138,42 @@ class Mesh:
             on_face[own] = True
             whole[chosen] = inside[own].all(axis=1)
             on_chosen[own[whole[chosen]]] = True
-        return (element[whole], label[whole]), np.count_nonzero(inside & on_face & ~on_chosen)
+        left = inside & ~on_chosen
+        return (element[whole], label[whole]), np.flatnonzero(left), np.count_nonzero(left & on_face)
 
     def add_faces(self, name, element, label):
         """Add faces as a group."""
         for chosen, kind, nodes in self.face_rows(element, label):
             self.blocks.append(Block(kind, self.tag[element[chosen]], nodes, [name]))
 
+    def add_edges(self, name, nodes):
+        """Add the edges of outer faces all of whose nodes are given, in three dimensions, as a group."""
+        inside, edges = np.zeros(len(self.node_tags), dtype=bool), []
+        inside[nodes] = True
+        for _, kind, own in self.face_rows(*self.outer()) if self.dimension == 3 else ():
+            m = KINDS[elements.corner_kind(kind)][2]
+            own = own[np.count_nonzero(inside[own], axis=1) > 1]
+            for i in range(m):
+                edge = own[:, [i, (i + 1) % m] + [m + i]*(own.shape[1] > m)]
+                edges += edge[inside[edge].all(axis=1)].tolist()
+        for kind, n in (("line", 2), ("line3", 3)):
+            own = {tuple(sorted(edge[:2])): edge for edge in edges if len(edge) == n}
+            if own:
+                rows = np.array(list(own.values()))
+                self.blocks.append(Block(kind, self.node_tags[rows[:, 0]], rows, [name]))
+
     def add_node_sets(self, sets):
-        """Add the surfaces of sets of nodes, each (name, indices of nodes); a remark on those that have more nodes."""
+        """Add the surfaces, or edges, and points of sets of nodes, each (name, indices of nodes); a remark on those with points and faces."""
         partly = []
         for name, nodes in sets:
-            faces, n_left = self.faces_of_nodes(nodes)
+            faces, left, n_left = self.faces_of_nodes(nodes)
             self.add_faces(name, *faces)
             if len(faces[0]) and n_left:
                 partly.append("'%s' (%d of %d)" % (name, n_left, len(nodes)))
+            elif not len(faces[0]):
+                self.add_edges(name, nodes)
+            if len(left):
+                self.blocks.append(Block("vertex", self.node_tags[left], left[:, None], [name]))
         if not partly:
             return ""
         return ("node sets are the outer faces all of whose nodes they have; these sets have more nodes on outer faces than on those: " +

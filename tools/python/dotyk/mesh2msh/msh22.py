@@ -14,7 +14,6 @@ from .mesh import Block, Fault, Index
 KIND_OF = {KINDS[name][0]: name for name in KINDS}
 # Numbers of nodes of other types, which are skipped where they are in no physical group.
 OTHERS = {20: 9, 21: 10, 22: 12, 23: 15, 26: 4, 27: 5, 29: 20, 30: 35, 36: 16, 37: 25, 90: 40, 92: 64, 93: 125, 118: 30}
-POINT = 15
 
 
 class File:
@@ -215,7 +214,7 @@ def read(path, dimension):
     blocks = {}
     for kind, order, tags, groups, nodes in file.elements:
         physical, entity = (np.abs(groups[:, k]) if groups.shape[1] > k else np.zeros(len(tags), dtype=np.int64) for k in (0, 1))
-        if not physical.any() or kind == POINT:
+        if not physical.any():
             continue
         if kind not in KIND_OF:
             file.fail("element %d is of type %d, which is not supported: only elements of order 1 and 2 are" % (tags[physical > 0][0], kind))
