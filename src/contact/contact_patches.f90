@@ -5,7 +5,8 @@
 !> functions of the half-width H across the rim: sqrt(g H) m(d/H), where m is the second difference of
 !> 4/15 t^(5/2). The ratio of two rows one behind the other gives the depth of the outer one, once the curvature of the
 !> square of the pressure is taken off, which the next row tells. Facets at the rim count in part then.
-!> Where the pressure does not fall outwards (sharp edges), or the surface ends, active rows count whole.
+!> Where the pressure does not fall outwards (sharp edges), or the surface ends, active rows count whole. A face that is
+!> touched along its edge to a face in contact, as the flank of a chamfer, adds no area.
 module dotyk_contact_contact_patches
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
@@ -37,6 +38,7 @@ module dotyk_contact_contact_patches
     real(dp), allocatable :: total(:)  !! Integrals of the hat functions (n) [as the weights].
     !> Their centres and second moments about these (3, n) [length], (3, 3, n) [length^2].
     real(dp), allocatable :: centre(:, :), second(:, :, :)
+    logical, allocatable :: whole(:)  !! Whether a facet at the corner has active corners only (n).
     logical, allocatable :: ends(:)  !! Whether a neighbour is inactive (n).
     logical, allocatable :: has_depth(:)  !! Whether the depth is known (n).
     real(dp), allocatable :: depth(:)  !! Depth of the centre inside of the rim (n) [length].
@@ -94,7 +96,8 @@ contains
       do k = 1, size(rim%first) - 1
         associate (corner => part_corners(rim, k))
           i = maxval(of(corner))
-          if (i > 0) patch(i)%area = patch(i)%area + part_area(rim, k)
+          if (i == 0) cycle
+          if (.not. is_beside(rim, corner)) patch(i)%area = patch(i)%area + part_area(rim, k)
         end associate
       end do
       allocate (second(3, 3, size(patch)), source=0.0_dp)
@@ -166,7 +169,39 @@ contains
       rim%active = rim%pressure > 0
       if (pair%n_mortar_rows > 0) rim%active(pair%row_corner) = active(:pair%n_mortar_rows)
     end associate
+    allocate (rim%whole(rim%corners%n), source=.false.)
+    do q = 1, size(rim%first) - 1
+      associate (corner => part_corners(rim, q))
+        if (all(rim%active(corner))) rim%whole(corner) = .true.
+      end associate
+    end do
   end subroutine set_corners
+
+  !> Whether a facet part has only corners in contact that another face, in contact there, has, too.
+  pure logical function is_beside(rim, corner)
+    type(rim_t), intent(in) :: rim  !! The rim.
+    integer, intent(in) :: corner(:)  !! Corners of the part.
+    integer :: first, last, i
+    is_beside = .not. all(rim%active(corner))
+    do i = 1, size(corner)
+      if (.not. is_beside) return
+      if (.not. rim%active(corner(i))) cycle
+      ! Corners of one node are successive: one for each face.
+      associate (node => rim%corners%corner_node, c => corner(i))
+        first = c
+        do while (first > 1)
+          if (node(first - 1) /= node(c)) exit
+          first = first - 1
+        end do
+        last = c
+        do while (last < size(node))
+          if (node(last + 1) /= node(c)) exit
+          last = last + 1
+        end do
+        is_beside = any(rim%whole(first:last)) .and. .not. rim%whole(c)
+      end associate
+    end do
+  end function is_beside
 
   !> Corners of a facet part.
   pure function part_corners(rim, k) result(corner)

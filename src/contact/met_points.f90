@@ -14,7 +14,7 @@ module dotyk_contact_met_points
   use dotyk_contact_pair, only: contact_pair_t, pair_settings_t
   use dotyk_contact_pair_rows, only: replace_points, set_rows
   use dotyk_contact_penetration_tolerance, only: penetration_tolerance_t
-  use dotyk_contact_point_contacts, only: point_contact_t
+  use dotyk_contact_point_contacts, only: point_contact_t, turn_about_axis
   use dotyk_contact_solid_boundary, only: facing_cosine, solid_t
   use dotyk_mesh_body_mesh, only: body_mesh_t
   use dotyk_mesh_facet, only: cross
@@ -265,8 +265,8 @@ contains
     call set_b%init_polynomials(mesh_b%x, surface_b)
     do i = 1, size(met)
       contact(i) = contact_before(set_a, set_b, met(i))
-      if (settings%axisymmetric) contact(i)%weight = 2*acos(-1.0_dp)*contact(i)%position(1)*contact(i)%weight
     end do
+    if (settings%axisymmetric) call turn_about_axis(contact)
     pair%dimension = mesh_a%dimension
     associate (d => pair%dimension)
       allocate (pair%position(d, 0), pair%normal(d, 0), pair%xi_a(d - 1, 0), pair%xi_b(d - 1, 0), pair%weight(0), &

@@ -21,7 +21,7 @@ module dotyk_contact_pair_discretization
   use dotyk_contact_parallel_edges, only: find_parallel_edges
   use dotyk_contact_pair_rows, only: replace_points, set_rows
   use dotyk_contact_plane_part, only: find_plane_part
-  use dotyk_contact_point_contacts, only: find_vertex_contacts, point_contact_t, touches_in_points
+  use dotyk_contact_point_contacts, only: find_vertex_contacts, point_contact_t, touches_in_points, turn_about_axis
   use dotyk_contact_projection, only: master_surface_t
   use dotyk_contact_slave_points, only: project_slave_points
   use dotyk_contact_smooth_sheets, only: sharp_edges
@@ -116,6 +116,7 @@ contains
       allocate (contact(0))
     end if
     if (size(contact) > 0) then
+      if (settings%axisymmetric) call turn_about_axis(contact)
       allocate (in_points(pair%n_points))
       call touches_in_points(contact, slave, master, pair%facet_a, pair%facet_b, pair%normal, in_points)
       call replace_points(.not. in_points, contact, pair)

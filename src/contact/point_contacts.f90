@@ -19,7 +19,7 @@ module dotyk_contact_point_contacts
   use dotyk_mesh_facet, only: cross
   implicit none
   private
-  public :: find_vertex_contacts, touches_in_points
+  public :: find_vertex_contacts, touches_in_points, turn_about_axis
 
   type, public :: point_contact_t  !! Contact of two points.
     integer :: facet_a = 0  !! Slave facet.
@@ -29,7 +29,8 @@ module dotyk_contact_point_contacts
     real(dp) :: position(3) = 0  !! Point of the slave surface (3) [length].
     real(dp) :: normal(3) = 0  !! Unit normal from body a into body b (3) [].
     real(dp) :: gap = 0  !! Gap [length].
-    real(dp) :: weight = 0  !! Weight [length^2; length in two dimensions].
+    !> Weight [length^2; length in two dimensions, with the circumference in axisymmetry length^2].
+    real(dp) :: weight = 0
     integer :: corner_a = 0  !! Corner of the slave facet at the contact, 0 if none.
     integer :: edge_a = 0  !! Edge of the slave facet at the contact, 0 if none.
     integer :: corner_b = 0  !! Corner of the master facet, likewise.
@@ -62,6 +63,12 @@ module dotyk_contact_point_contacts
   real(dp), parameter :: pointed = 0.95_dp, in_plane = 0.1_dp
 
 contains
+
+  !> In axisymmetry a contact is a circle, on the axis a disc: its weight becomes an area.
+  elemental subroutine turn_about_axis(contact)
+    type(point_contact_t), intent(inout) :: contact  !! The contact, with a length as weight.
+    contact%weight = 2*acos(-1.0_dp)*max(contact%position(1), contact%weight/2)*contact%weight
+  end subroutine turn_about_axis
 
   !> Contacts of pointed vertices of one surface, and of the mid-side nodes of its sharp edges, with facets of the
   !> other.

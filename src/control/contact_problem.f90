@@ -181,13 +181,14 @@ contains
     type(body_t), intent(in) :: body_b  !! Body of the master side.
     type(contact_pair_t), intent(in) :: pair  !! The contact pair.
     real(dp) :: area
-    integer :: i, n, n_facets
+    integer :: i, n_facets
     area = sum(pair%weight)
-    ! A circumference does not make facets larger: integration points have one, which lie off the axis, point contacts
-    ! (vertices) do not.
-    n = pair%n_points - pair%n_point_contacts
-    if (body_a%analysis == analysis_axisymmetric) &
-      area = sum(pair%weight(:n)/(2*acos(-1.0_dp)*pair%position(1, :n))) + sum(pair%weight(n + 1:))
+    ! A circumference does not make facets larger. Points lie off the axis, but for point contacts: discs there.
+    if (body_a%analysis == analysis_axisymmetric) then
+      associate (w => pair%weight/acos(-1.0_dp), r => pair%position(1, :))
+        area = sum(w/max(tiny(area), 2*r), mask=r > 0) + sum(sqrt(w), mask=.not. r > 0)
+      end associate
+    end if
     n_facets = 1
     do i = 2, pair%n_points
       if (pair%facet_a(i) /= pair%facet_a(i - 1)) n_facets = n_facets + 1

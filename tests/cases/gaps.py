@@ -200,6 +200,8 @@ Physical Surface("top") = {s()};
                 force = contact["weight"][:] * contact["pressure"][:]
                 on_end = np.hypot(*contact["position"][:, :2].T) < radius - 0.1
                 inside.append(np.sum(force[on_end]))
+                # The flank adds no area.
+                self.assertBetween(0.98, contact.attrs["contact_area"] / (np.pi * radius**2), 1.001)
             self.assertBetween(0.85, inside[0] / inside[1], 1.15)
 
     # Gaps that the meshes do not tell
