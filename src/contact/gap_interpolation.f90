@@ -227,10 +227,10 @@ contains
       call shape_functions(properties%corner_kind, xi(:, i), linear(:, i))
       call vanishing_functions(linear(:, i), bubble(:, i))
     end do
-    rest = gap - matmul(fitted(linear, weight, gap), linear)
+    rest = gap - matmul(at_corners(gap), linear)
     without_linear = bubble
     do i = 1, size(bubble, 1)
-      without_linear(i, :) = bubble(i, :) - matmul(fitted(linear, weight, bubble(i, :)), linear)
+      without_linear(i, :) = bubble(i, :) - matmul(at_corners(bubble(i, :)), linear)
     end do
     coefficient = fitted(without_linear, weight, rest)
     r = matmul(coefficient, bubble)
@@ -255,6 +255,17 @@ contains
     uncertainty = abs(minval(gap) - least)
 
   contains
+
+    !> Corner values of the linear part of a function, exact where all corners are among the points.
+    function at_corners(value) result(corner)
+      real(dp), intent(in) :: value(:)  !! Its values at the points (m) [any].
+      real(dp) :: corner(n)  !! (n) [as `value`]
+      if (n_vertices == n) then
+        corner = value(m - n + 1:)
+      else
+        corner = fitted(linear, weight, value)
+      end if
+    end function at_corners
 
     !> Whether contact begins at a vertex: what the gap is between vertices does not matter then.
     pure logical function is_least_at_vertex() result(is_least)

@@ -17,7 +17,7 @@ module dotyk_contact_narrow_contact
   use dotyk_mesh_union_find, only: join, root_of
   implicit none
   private
-  public :: narrow_uncertainty
+  public :: find_narrow_contact
 
   real(dp), parameter :: pi = acos(-1.0_dp)
   integer, parameter :: n_terms = 5  !! Of a quadratic function of two coordinates that vanishes at a row.
@@ -45,8 +45,9 @@ module dotyk_contact_narrow_contact
 
 contains
 
-  !> By how much the gaps of rows with pressure are uncertain where the contact spans no facet [length].
-  function narrow_uncertainty(pair, surface_a, axisymmetric, modulus, pressure, gap, moved) result(uncertainty)
+  !> Where the contact spans no facet: by how much the gaps of rows with pressure are uncertain, and how great the
+  !> pressure is by Hertz.
+  subroutine find_narrow_contact(pair, surface_a, axisymmetric, modulus, pressure, gap, moved, uncertainty, peak)
     type(contact_pair_t), intent(in) :: pair  !! Contact pair.
     type(surface_t), intent(in) :: surface_a  !! Its slave surface.
     logical, intent(in) :: axisymmetric  !! Whether a row on the axis is a point, with its neighbours all around.
@@ -55,15 +56,18 @@ contains
     real(dp), intent(in) :: gap(:)  !! Their gaps (n_rows) [length].
     !> Normal displacements of their sides towards each other (n_rows) [length].
     real(dp), intent(in) :: moved(:)
-    real(dp) :: uncertainty(pair%n_rows)  !! (n_rows) [length]
+    real(dp), intent(out) :: uncertainty(:)  !! Of the gaps (n_rows) [length].
+    real(dp), intent(out) :: peak  !! Greatest pressure by Hertz; 0 where no contact is narrow [pressure].
     type(corner_interpolation_t) :: corners
     type(patches_t) :: patches
     logical, allocatable :: is_bent(:), is_narrow(:), is_round(:)
     integer, allocatable :: row(:), from(:), to(:), of(:), n_open(:), n_beside(:)
     real(dp), allocatable :: around(:), distance(:), kappa(:, :), axis(:, :), slope(:, :)
     real(dp), allocatable :: tilt(:, :), total(:), width(:), exact(:), found(:)
+    real(dp) :: load
     integer :: d, i, k, n
     uncertainty = 0
+    peak = 0
     if (.not. allocated(pair%bend)) return
     call find_contact(pair, surface_a, pressure, is_bent, is_narrow, corners)
     if (.not. any(is_narrow)) return
@@ -113,6 +117,13 @@ contains
         ! One row answers in proportion, a round contact with the approach to the power 3/2.
         if (is_round(i) .and. patches%n_rows(r) == 1 .and. exact(r) < found(r)) &
           uncertainty(i) = found(r)/n_open(r)*((found(r)/exact(r))**1.5_dp - 1)
+        if (is_round(i)) then
+          peak = max(peak, 1.5_dp*patches%force(r)/(pi*mean_radius(patches%force(r), sqrt(product(kappa(:, i))), modulus)**2))
+        else if (n_beside(i) > 0) then
+          load = pressure(i)*width(i)/n_beside(i)
+          if (half_width(load, kappa(2, i), modulus) < width(i)/n_beside(i)) &
+            peak = max(peak, 2*load/(pi*half_width(load, kappa(2, i), modulus)))
+        end if
       end associate
     end do
 
@@ -131,7 +142,7 @@ contains
         across = abs(dot_product(axis(:, from(k)), pair%row_position(:, to(k)) - pair%row_position(:, from(k))))
       end if
     end function across
-  end function narrow_uncertainty
+  end subroutine find_narrow_contact
 
   !> Find the patches.
   subroutine patches_init(self, pair, pressure, around, from, to)
@@ -229,8 +240,8 @@ contains
   !> Curvatures of the gaps at rows with pressure, and the slopes of the displacements.
   subroutine fit(pair, axisymmetric, gap, moved, from, to, distance, kappa, axis, slope)
     type(contact_pair_t), intent(in) :: pair  !! Contact pair.
-    logical, intent(in) :: axisymmetric  !! As in `narrow_uncertainty`.
-    real(dp), intent(in) :: gap(:), moved(:)  !! As in `narrow_uncertainty` (n_rows) [length].
+    logical, intent(in) :: axisymmetric  !! As in `find_narrow_contact`.
+    real(dp), intent(in) :: gap(:), moved(:)  !! As in `find_narrow_contact` (n_rows) [length].
     integer, intent(in) :: from(:), to(:)  !! Row with pressure, and its neighbour (n).
     real(dp), allocatable, intent(out) :: distance(:)  !! Mean distance of the neighbours (n_rows) [length].
     !> Principal curvatures, ascending, none negative; the first is 0 in the plane (2, n_rows) [1/length].
@@ -310,7 +321,7 @@ contains
   pure real(dp) function mean_radius(force, kappa, modulus) result(c)
     real(dp), intent(in) :: force  !! [force].
     real(dp), intent(in) :: kappa  !! Geometric mean of the principal relative curvatures [1/length].
-    real(dp), intent(in) :: modulus  !! As in `narrow_uncertainty` [pressure].
+    real(dp), intent(in) :: modulus  !! As in `find_narrow_contact` [pressure].
     c = (3*force/(4*modulus*kappa))**(1.0_dp/3)
   end function mean_radius
 
@@ -318,7 +329,7 @@ contains
   pure logical function is_point(force, kappa, modulus, h)
     real(dp), intent(in) :: force  !! [force].
     real(dp), intent(in) :: kappa(2)  !! Principal relative curvatures, ascending (2) [1/length].
-    real(dp), intent(in) :: modulus  !! As in `narrow_uncertainty` [pressure].
+    real(dp), intent(in) :: modulus  !! As in `find_narrow_contact` [pressure].
     real(dp), intent(in) :: h  !! Distance to the neighbours [length].
     is_point = kappa(1) > undetermined*kappa(2)
     if (is_point) is_point = mean_radius(force, sqrt(product(kappa)), modulus)*(kappa(2)/kappa(1))**(1.0_dp/3) < h
@@ -328,7 +339,7 @@ contains
   pure real(dp) function dip_of_point(force, kappa, modulus, h) result(dip)
     real(dp), intent(in) :: force  !! [force].
     real(dp), intent(in) :: kappa  !! Relative curvature [1/length].
-    real(dp), intent(in) :: modulus  !! As in `narrow_uncertainty` [pressure].
+    real(dp), intent(in) :: modulus  !! As in `find_narrow_contact` [pressure].
     real(dp), intent(in) :: h  !! The distance [length].
     real(dp) :: s, a
     a = mean_radius(force, kappa, modulus)
@@ -340,14 +351,22 @@ contains
     end if
   end function dip_of_point
 
+  !> Half-width of a long contact [length].
+  pure real(dp) function half_width(force, kappa, modulus)
+    real(dp), intent(in) :: force  !! Force per length [force/length].
+    real(dp), intent(in) :: kappa  !! Relative curvature across [1/length].
+    real(dp), intent(in) :: modulus  !! As in `find_narrow_contact` [pressure].
+    half_width = sqrt(4*force/(pi*modulus*kappa))
+  end function half_width
+
   !> Displacement of the middle of a long contact relative to that in a distance [length].
   pure real(dp) function dip_of_line(force, kappa, modulus, h) result(dip)
     real(dp), intent(in) :: force  !! Force per length [force/length].
     real(dp), intent(in) :: kappa  !! Relative curvature across [1/length].
-    real(dp), intent(in) :: modulus  !! As in `narrow_uncertainty` [pressure].
+    real(dp), intent(in) :: modulus  !! As in `find_narrow_contact` [pressure].
     real(dp), intent(in) :: h  !! The distance [length].
     real(dp) :: a, root
-    a = sqrt(4*force/(pi*modulus*kappa))
+    a = half_width(force, kappa, modulus)
     if (a >= h) then
       dip = kappa*h**2/2
     else

@@ -11,7 +11,7 @@ module dotyk_control_gap_doubt
   use dotyk_base_options, only: analysis_axisymmetric
   use dotyk_base_thresholds, only: rounding
   use dotyk_contact_contact_patches, only: contact_patch_t, find_patches
-  use dotyk_contact_narrow_contact, only: narrow_uncertainty
+  use dotyk_contact_narrow_contact, only: find_narrow_contact
   use dotyk_control_body_solution, only: displacements_t
   use dotyk_control_contact_problem, only: contact_problem_t
   use dotyk_ranks_exchange, only: greatest
@@ -34,6 +34,8 @@ module dotyk_control_gap_doubt
     real(dp) :: moved_change = 0  !! Uncertainty of normal displacements of its sides against each other [length].
     !> Both uncertainties as parts of the greatest force of all pairs and the greatest displacement of all bodies [].
     real(dp) :: force_part = 0, moved_part = 0
+    real(dp) :: peak = 0  !! Its greatest pressure [pressure].
+    real(dp) :: hertz_peak = 0  !! The same by Hertz; 0 where no contact is narrower than a facet [pressure].
   end type gap_doubt_t
 
   public :: find_gap_doubt, is_doubtful
@@ -80,12 +82,13 @@ contains
     do k = 1, size(doubt)
       associate (first => qp%pair_first_row(k), last => qp%pair_first_row(k + 1) - 1, pair => problem%pair(k))
         associate (a => problem%body(pair%body_a), b => problem%body(pair%body_b))
-          shift(first:last) = max(pair%row_uncertainty(), &
-                                  narrow_uncertainty(pair, problem%surface_a(k), a%analysis == analysis_axisymmetric, &
-                                                     1/(a%contact_compliance() + b%contact_compliance()), &
-                                                     state%pressure(first:last), qp%gap(first:last), &
-                                                     state%penetration(first:last) + qp%gap(first:last)))
+          call find_narrow_contact(pair, problem%surface_a(k), a%analysis == analysis_axisymmetric, &
+                                   1/(a%contact_compliance() + b%contact_compliance()), state%pressure(first:last), &
+                                   qp%gap(first:last), state%penetration(first:last) + qp%gap(first:last), &
+                                   shift(first:last), doubt(k)%hertz_peak)
         end associate
+        shift(first:last) = max(shift(first:last), pair%row_uncertainty())
+        doubt(k)%peak = maxval([0.0_dp, state%pressure(first:last)])
       end associate
     end do
     moved = greatest_displacement(problem, displacements, maxval([0.0_dp, abs(state%penetration + qp%gap)]))

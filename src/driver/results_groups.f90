@@ -79,6 +79,7 @@ contains
       call file%put_attribute(group, 'force_uncertainty', solution%gap_doubt(k)%force_change)
       call file%put_attribute(group, 'contact_area_uncertainty', solution%gap_doubt(k)%area_change)
       call file%put_attribute(group, 'displacement_uncertainty', solution%gap_doubt(k)%moved_change)
+      call file%put_attribute(group, 'hertz_peak_pressure', solution%gap_doubt(k)%hertz_peak)
       call file%put_attribute(group, 'layer', pair(k)%is_layer)
       call file%put_attribute(group, 'points_not_projected', pair(k)%n_unprojected)
     end do

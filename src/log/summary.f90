@@ -292,13 +292,14 @@ contains
     real(dp), parameter :: considerable = 0.01_dp  !! Part of the greatest value of a scene that gets a line [].
     integer, parameter :: most_lines = 5  !! Lines at most.
     real(dp) :: part(size(doubt))
-    logical :: is_shown(size(doubt))
+    logical :: is_shown(size(doubt)), is_low(size(doubt))
     character(:), allocatable :: line
     integer :: i, k
     if (size(doubt) == 0) return
     if (any(ieee_is_nan(doubt%force_change)) .and. any(doubt%uncertainty > 0)) &
       call log%line('  uncertain        gaps are known to '//to_text(maxval(doubt%uncertainty), 2)// &
                     ' only; what hangs on them could not be found')
+    is_low = doubt%hertz_peak > (1 + considerable)*doubt%peak
     part = max(doubt%force_part, doubt%moved_part)
     is_shown = .false.
     do i = 1, min(most_lines, count(part > considerable))
@@ -322,5 +323,14 @@ contains
     if (i > 0) call log%line('                   and '//counted(i, 'other pair'))
     if (any(is_shown)) call log%line('                   refine the surfaces there, or use quadratic elements on '// &
                                      'curved geometry')
+    is_shown = .false.
+    do i = 1, min(most_lines, count(is_low))
+      k = maxloc(doubt%hertz_peak, dim=1, mask=is_low .and. .not. is_shown)
+      is_shown(k) = .true.
+      call log%line('  narrow contact   '//quoted(pair(k)%name)//' is narrower than a facet: peak pressure about '// &
+                    to_text(doubt(k)%hertz_peak, 2)//' by Hertz; peak and area above are those of the facets')
+    end do
+    i = count(is_low) - most_lines
+    if (i > 0) call log%line('                   and '//counted(i, 'other pair'))
   end subroutine show_gap_doubt
 end module dotyk_log_summary
