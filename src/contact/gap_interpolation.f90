@@ -267,10 +267,11 @@ contains
       end if
     end function at_corners
 
-    !> Whether contact begins at a vertex: what the gap is between vertices does not matter then.
+    !> Whether contact begins at a vertex, whatever the gap is between vertices: the facet is inclined by more than a
+    !> parabola of the height of r, 4 times that at its ends.
     pure logical function is_least_at_vertex() result(is_least)
-      associate (n_points => m - n_vertices)
-        is_least = minval(gap(n_points + 1:)) <= minval(gap(:n_points)) + max_rest*greatest
+      associate (vertex => gap(m - n_vertices + 1:))
+        is_least = maxval(vertex) - minval(vertex) > 4*greatest
       end associate
     end function is_least_at_vertex
   end subroutine straighten
