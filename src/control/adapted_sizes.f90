@@ -313,21 +313,30 @@ contains
   end subroutine add_patches
 
   !> Choose the sizes.
-  subroutine sizes_plan(self, aim, most_elements, factor, first)
+  subroutine sizes_plan(self, aim, most_elements, allowed, factor, first)
     class(adapted_sizes_t), intent(inout) :: self
     real(dp), intent(in) :: aim  !! Relative error in the energy norm that is aimed at [].
-    real(dp), intent(in) :: most_elements  !! Elements of the scene at most [].
+    real(dp), intent(in) :: most_elements  !! Elements of the scene at most, unless the contact needs more [].
+    real(dp), intent(in) :: allowed  !! The same, whatever the contact needs [].
     real(dp), intent(in) :: factor  !! Elements of the last mesh over those that were expected of it [].
     !> Whether this is the first mesh, whose greatest errors need not be at singular points.
     logical, intent(in) :: first
     real(dp) :: relaxed
+    integer :: v
     relaxed = aim
     do
       call choose(self, relaxed, first)
       self%expected = self%expected*factor
-      if (self%expected <= most_elements .or. relaxed >= 1) exit
+      if (self%expected <= min(most_elements, allowed) .or. relaxed >= 1) exit
       relaxed = relax*relaxed
     end do
+    if (self%expected <= allowed) return
+    do v = 1, size(self%view)
+      associate (view => self%view(v))
+        view%size = view%size*(self%expected/allowed)**(1.0_dp/view%mesh%dimension)
+      end associate
+    end do
+    self%expected = allowed
   end subroutine sizes_plan
 
   !> Sizes for an aim, the elements that they make, and the error that is expected of these.

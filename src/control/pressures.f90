@@ -3,7 +3,7 @@ module dotyk_control_pressures
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
   use dotyk_base_options, only: analysis_axisymmetric
-  use dotyk_base_thresholds, only: rounding
+  use dotyk_base_thresholds, only: half_digits, rounding
   use dotyk_contact_contact_patches, only: contact_patch_t, find_patches
   use dotyk_contact_pair, only: contact_pair_t
   use dotyk_contact_pair_resultant, only: pair_resultant, pair_resultant_t
@@ -150,7 +150,7 @@ contains
     ! Contacts at points and edges have no area.
     covered = .true.
     covered(:pair%n_mortar_rows) = pair%row_covered >= well_covered
-    if (.not. any(covered .and. solution%projected > 0)) covered = .true.
+    if (.not. any(covered .and. solution%projected > half_digits*maxval(solution%projected))) covered = .true.
     i = maxloc(solution%projected, 1, covered)
     solution%peak = solution%projected(i)
     solution%peak_position(:pair%dimension) = pair%row_position(:, i)

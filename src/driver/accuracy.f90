@@ -36,6 +36,7 @@ module dotyk_driver_accuracy
   !> What is aimed at, as a fraction of what is asked for; and the least fraction of its prediction that a mesh is
   !> believed to have missed by, where the number of elements has changed by a factor in the range [].
   real(dp), parameter :: safety = 0.9_dp, greatest_miss = 0.6_dp, steady(2) = [0.6_dp, 8.0_dp]
+  real(dp), parameter :: spare = 1.25_dp  !! Meshes are as large as expected within this factor [].
   real(dp), parameter :: growth(2:3) = [6.0_dp, 8.0_dp]  !! Elements of a mesh over those of the last one at most [].
 
 contains
@@ -91,7 +92,7 @@ contains
     logical, intent(out) :: done  !! Whether the mesh is the last one.
     type(error_t), allocatable, intent(out) :: error  !! Where the sizes cannot be written.
     character(:), allocatable :: why, verdict, told
-    real(dp) :: aim, miss, most, seconds, limit
+    real(dp) :: aim, miss, seconds, limit
     logical :: by_quantity
     by_quantity = any(case%quantity%is_goal)
     associate (sizes => self%sizes, asked => case%accuracy, now => real(self%sizes%n_elements, dp))
@@ -104,7 +105,7 @@ contains
       if (self%n_meshes >= asked%max_meshes) why = 'max_meshes = '//to_text(asked%max_meshes)
       if (asked%max_seconds > 0 .and. seconds >= asked%max_seconds) &
         why = 'max_seconds = '//to_text(asked%max_seconds)
-      if (self%n_unknowns >= asked%max_unknowns) why = 'max_unknowns = '//to_text(asked%max_unknowns)
+      if (spare*self%n_unknowns >= asked%max_unknowns) why = 'max_unknowns = '//to_text(asked%max_unknowns)
       if (self%n_meshes > 1 .and. sizes%n_elements == self%n_before .and. .not. reached) &
         why = 'the geometry, which fixes its mesh (Transfinite, Layers)'
       if (.not. (sizes%error > 0 .and. sizes%is_known) .and. .not. reached) why = 'the lack of an error estimate'
@@ -113,7 +114,9 @@ contains
       verdict = ''
       if (reached) verdict = '; reached: '//percent(asked%error)//' were asked for'
       if (.not. reached .and. len(why) > 0) &
-        verdict = '; not reached: '//percent(asked%error)//' were asked for; stopped by '//why
+        verdict = '; not reached: '//percent(asked%error)//' were asked for'// &
+                  trim(merge(', and contact that is resolved', '                              ', &
+                             sizes%contact >= resolved))//'; stopped by '//why
       call log%line('  accuracy         mesh '//to_text(self%n_meshes)//': '// &
                     counted(self%n_unknowns, 'unknown')//', error ~ '//told// &
                     trim(merge(' of a quantity', '              ', sizes%has_goal))// &
@@ -132,8 +135,8 @@ contains
         end associate
         aim = aim*safety*min(1.0_dp, max(greatest_miss, miss))
       end if
-      most = min(growth(case%scene%dimension)*now, now*asked%max_unknowns/self%n_unknowns)
-      call sizes%plan(aim, most, self%factor, self%n_meshes == 1)
+      call sizes%plan(aim, growth(case%scene%dimension)*now, now*asked%max_unknowns/self%n_unknowns, self%factor, &
+                      self%n_meshes == 1)
       self%expected = sizes%expected
       self%predicted = sizes%predicted
     end associate

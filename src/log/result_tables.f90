@@ -301,7 +301,7 @@ contains
     case (bar_singular)
       text = 'contact forces are not unique'
     case (bar_one_mesh)
-      text = 'one mesh only; &accuracy has several'
+      text = 'it takes two meshes that resolve the contact, as of &accuracy'
     case (bar_no_limit)
       text = 'it grows from mesh to mesh and has no limit'
     case default
