@@ -21,11 +21,12 @@ module dotyk_driver_cad_faces
   public :: show_cad_faces
 
   !> Mean deviation of the corners, relative to the radius, up to which a face has a shape.
-  real(dp), parameter :: tolerance = 5.0e-3_dp
+  real(dp), parameter :: tolerance = 5.0e-4_dp
   !> Distance of the middle of a facet from the axis or centre, relative to the radius, at least: seven facets around.
   !> The corners of a box lie on a sphere, too.
   real(dp), parameter :: least_middle = 0.9_dp
-  real(dp), parameter :: greatest_radius = 100  !! Greatest radius, relative to the extent of the face.
+  !> Greatest radius, relative to the extent of the face: the height of its arc is the tolerance there.
+  real(dp), parameter :: greatest_radius = 5
   integer, parameter :: n_steps = 6  !! Steps of Newton's method, and components of vectors that are 0.
   real(dp), parameter :: rounding = 1.0e-4_dp
 
@@ -218,9 +219,12 @@ contains
     real(dp), allocatable :: p(:, :), middle(:, :), normal(:, :)
     character(:), allocatable :: as_cylinder
     real(dp) :: centre(3), axis(3), radius, extent, deviation, of_cylinder
+    logical :: may_be_sphere
     text = ''
     call find_corners(x, surface, p, middle, normal)
     if (size(p, 2) < 6) return
+    ! The corners of a cone, a torus or a cylinder of one layer lie on a sphere, too.
+    may_be_sphere = has_inner_corner(surface)
     extent = maxval(maxval(p, dim=2) - minval(p, dim=2))
     centre = sum(p, dim=2)/size(p, 2)
     call fit_cylinder(p, normal, centre, axis, radius)
@@ -233,9 +237,8 @@ contains
     centre = sum(p, dim=2)/size(p, 2)
     call fit_sphere(p, centre, radius)
     if (fits(norm2(p - spread(centre, 2, size(p, 2)), dim=1), &
-             norm2(middle - spread(centre, 2, size(p, 2)), dim=1))) &
+             norm2(middle - spread(centre, 2, size(p, 2)), dim=1)) .and. may_be_sphere) &
       text = words('sphere', 'hollow sphere')//' of radius '//to_text(radius, 4)
-    ! Two circles, the corners of a cylinder of one layer, lie on a sphere, too.
     if (len(as_cylinder) > 0 .and. (len(text) == 0 .or. of_cylinder <= max(deviation, rounding*tolerance))) &
       text = as_cylinder
 
@@ -269,6 +272,28 @@ contains
       if (sum(normal*(p - spread(centre, 2, size(p, 2)))) > 0) word = outward
     end function words
   end function shape_text
+
+  !> Whether a face has corners that are not on its border. The facets around such a corner close: what the next corner
+  !> of one of them is, is the last one of another.
+  pure logical function has_inner_corner(surface) result(has)
+    type(surface_t), intent(in) :: surface  !! The face.
+    integer :: open(maxval(surface%node))
+    logical :: is_corner(size(open))
+    type(element_kind_t) :: kind
+    integer :: f, i
+    open = 0
+    is_corner = .false.
+    do f = 1, surface%n_facets
+      kind = element_kind(surface%kind(f))
+      associate (n => kind%n_corners, corner => surface%node(:, f))
+        is_corner(corner(:n)) = .true.
+        do i = 1, n
+          open(corner(i)) = open(corner(i)) + corner(modulo(i, n) + 1) - corner(modulo(i - 2, n) + 1)
+        end do
+      end associate
+    end do
+    has = any(is_corner .and. open == 0)
+  end function has_inner_corner
 
   !> Corners of the facets, as often as facets have them, and the areas and normals of these.
   subroutine find_corners(x, surface, p, middle, normal)
