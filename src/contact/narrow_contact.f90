@@ -118,7 +118,9 @@ contains
         if (is_round(i) .and. patches%n_rows(r) == 1 .and. exact(r) < found(r)) &
           uncertainty(i) = found(r)/n_open(r)*((found(r)/exact(r))**1.5_dp - 1)
         if (is_round(i)) then
-          peak = max(peak, 1.5_dp*patches%force(r)/(pi*mean_radius(patches%force(r), sqrt(product(kappa(:, i))), modulus)**2))
+          associate (force => patches%force(r))
+            peak = max(peak, 1.5_dp*force/(pi*mean_radius(force, sqrt(product(kappa(:, i))), modulus)**2))
+          end associate
         else if (n_beside(i) > 0) then
           load = pressure(i)*width(i)/n_beside(i)
           if (half_width(load, kappa(2, i), modulus) < width(i)/n_beside(i)) &

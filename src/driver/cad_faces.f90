@@ -277,22 +277,22 @@ contains
   !> of one of them is, is the last one of another.
   pure logical function has_inner_corner(surface) result(has)
     type(surface_t), intent(in) :: surface  !! The face.
-    integer :: open(maxval(surface%node))
-    logical :: is_corner(size(open))
+    integer :: left(maxval(surface%node))
+    logical :: is_corner(size(left))
     type(element_kind_t) :: kind
     integer :: f, i
-    open = 0
+    left = 0
     is_corner = .false.
     do f = 1, surface%n_facets
       kind = element_kind(surface%kind(f))
       associate (n => kind%n_corners, corner => surface%node(:, f))
         is_corner(corner(:n)) = .true.
         do i = 1, n
-          open(corner(i)) = open(corner(i)) + corner(modulo(i, n) + 1) - corner(modulo(i - 2, n) + 1)
+          left(corner(i)) = left(corner(i)) + corner(modulo(i, n) + 1) - corner(modulo(i - 2, n) + 1)
         end do
       end associate
     end do
-    has = any(is_corner .and. open == 0)
+    has = any(is_corner .and. left == 0)
   end function has_inner_corner
 
   !> Corners of the facets, as often as facets have them, and the areas and normals of these.
