@@ -79,7 +79,7 @@ contains
     logical, allocatable, intent(out) :: is_bent(:)  !! Those on the former (n_mortar_points).
     logical, allocatable, intent(out) :: is_narrow(:)  !! Those on the latter (n_mortar_points).
     type(corner_interpolation_t), intent(out) :: corners  !! Of the points, unless the gaps are straight.
-    logical, allocatable :: is_active(:), is_beside(:)
+    logical, allocatable :: is_active(:), is_beside(:), at_node(:)
     integer :: i
     associate (n => pair%n_mortar_points, m => pair%n_mortar_rows)
       allocate (is_bent(n), is_narrow(n), source=.false.)
@@ -93,6 +93,10 @@ contains
       do i = 1, n
         if (is_bent(i)) is_beside(corners%corner(:, i)) = .true.
       end do
+      ! At a sharp edge, such as the rim of a chamfer, the contact may be that of the other face.
+      allocate (at_node(maxval(corners%corner_node)), source=.false.)
+      at_node(pack(corners%corner_node, is_beside(1:))) = .true.
+      is_beside(1:) = at_node(corners%corner_node)
       is_active = .false.
       is_active(pair%row_corner) = pressure(:m) > 0
       is_beside(0) = .false.

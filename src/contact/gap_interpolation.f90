@@ -252,7 +252,7 @@ contains
     end if
     bend = r
     gap = gap - r
-    uncertainty = abs(minval(gap) - least)
+    if (.not. is_least_at_vertex()) uncertainty = abs(minval(gap) - least)
 
   contains
 
