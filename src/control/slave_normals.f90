@@ -14,6 +14,9 @@ module dotyk_control_slave_normals
   private
   public :: find_deviations
 
+  !> Normals of two surfaces that face each other differ by less than 25 degrees, those of coarse facets, too.
+  real(dp), parameter :: least_cosine = cos(25*acos(-1.0_dp)/180)
+
 contains
 
   !> How uncertain the rows of the modes are: their change where the normals of the slave surfaces are taken.
@@ -103,7 +106,8 @@ contains
           normal = normal/max(tiny(jacobian), norm2(normal))
         end if
       end associate
-      if (norm2(normal) > 0) pair%normal(:, q) = normal
+      ! Flanks that are inclined to the other surface, as those of chamfers, are no other view of the same normal.
+      if (dot_product(normal, pair%normal(:, q)) > least_cosine) pair%normal(:, q) = normal
     end do
   end subroutine take_slave_normals
 

@@ -62,6 +62,8 @@ contains
         alike = is_open .and. kind == kind(b) .and. is_single()
         text = kinds(b)%s
         if (count(alike) == 1) text = motion(b)%s
+        ! Screws and motions of several bodies take a line each.
+        if (.not. log%verbose .and. index(text, 'per radian') > 0) text = kinds(b)%s
       end if
       is_open = is_open .and. .not. alike
       if (len(line) > 0) line = line//', '

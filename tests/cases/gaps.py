@@ -197,6 +197,9 @@ Physical Surface("top") = {s()};
                 self.dotyk("case.nml", code=0)
                 contact = self.results("case.vtkhdf")["dotyk/contact/pin - block"]
                 self.assertGreater(np.min(contact["gap_initial"][:]), -1e-5)
+                # Nothing holds the pin against rocking but the contact.
+                moment = self.results("case.vtkhdf")["dotyk/supports/moment"][0]
+                self.assertLess(np.max(np.abs(moment)), 1e-4 * 2000 * radius)
                 force = contact["weight"][:] * contact["pressure"][:]
                 on_end = np.hypot(*contact["position"][:, :2].T) < radius - 0.1
                 inside.append(np.sum(force[on_end]))
