@@ -28,14 +28,14 @@ program dealt_bodies
   if (allocated(error)) error stop 'distributed/dealt.nml'
   call test_bodies(case)
   faulty = case
-  faulty%support(1)%surface = 'nowhere'
+  faulty%support(1)%place%name = 'nowhere'
   call test_fault(faulty, 'a surface that is not there')
   faulty = case
   faulty%body(9)%volume = 'nothing'
   call test_fault(faulty, 'a volume that is not there')
   faulty = case
   do k = 1, size(faulty%load)
-    if (faulty%load(k)%any_body) faulty%load(k)%surface = '77'
+    if (faulty%load(k)%any_body) faulty%load(k)%place%name = '77'
   end do
   call test_fault(faulty, 'a load on no body')
   code = min(1, n_failed)
