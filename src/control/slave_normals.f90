@@ -14,7 +14,7 @@ module dotyk_control_slave_normals
   private
   public :: find_deviations
 
-  !> Normals of two surfaces that face each other differ by less than 25 degrees, those of coarse facets, too.
+  !> Normals of two surfaces that touch differ by less than 25 degrees, those of coarse facets, too.
   real(dp), parameter :: least_cosine = cos(25*acos(-1.0_dp)/180)
 
 contains
@@ -81,11 +81,13 @@ contains
     real(dp) :: position(pair%dimension), normal(pair%dimension), jacobian, shape(max_facet_nodes)
     real(dp), allocatable :: of_facet(:, :), at_vertex(:, :)
     integer, allocatable :: first(:), around(:)
+    logical, allocatable :: at_edge(:)
     integer :: q, k, i, f
     allocate (of_facet(pair%dimension, surface%n_facets))
     call facet_normals(x, surface, of_facet)
     call facets_of_nodes(surface, first, around)
     allocate (at_vertex(pair%dimension, max_facet_nodes))
+    at_edge = [(has_edge(of_facet(:, around(first(i):first(i + 1) - 1))), i=1, size(first) - 1)]
     ! Vertices and edges have no normal of their own.
     do q = 1, pair%n_points - pair%n_point_contacts
       f = pair%facet_a(q)
@@ -106,10 +108,23 @@ contains
           normal = normal/max(tiny(jacobian), norm2(normal))
         end if
       end associate
-      ! Flanks that are inclined to the other surface, as those of chamfers, are no other view of the same normal.
-      if (dot_product(normal, pair%normal(:, q)) > least_cosine) pair%normal(:, q) = normal
+      ! Flanks beside sharp edges, as those of chamfers, are no other view of the same normal.
+      if (any(at_edge(surface%node(:kind_nodes(surface%kind(f)), f))) .and. &
+          dot_product(normal, pair%normal(:, q)) <= least_cosine) cycle
+      if (norm2(normal) > 0) pair%normal(:, q) = normal
     end do
   end subroutine take_slave_normals
+
+  !> Whether normals of facets at a node differ by more than at a sharp edge.
+  pure logical function has_edge(normal)
+    real(dp), intent(in) :: normal(:, :)  !! The normals, of any length (dimension, n) [any].
+    integer :: i
+    has_edge = .false.
+    do i = 2, size(normal, 2)
+      has_edge = dot_product(normal(:, i), normal(:, 1)) <= sharp_cosine*norm2(normal(:, i))*norm2(normal(:, 1))
+      if (has_edge) return
+    end do
+  end function has_edge
 
   !> Normals of the middle of facets, as long as the facets are large.
   subroutine facet_normals(x, surface, normal)
