@@ -21,6 +21,7 @@ module dotyk_control_gap_doubt
   use dotyk_scheme_dual, only: dual_t
   use dotyk_scheme_linear_solver_choice, only: is_heap
   use dotyk_scheme_monitor, only: monitor_t
+  use dotyk_scheme_proximal_motion, only: fraction
   use dotyk_scheme_scheme, only: scheme_t
   use dotyk_scheme_solver_state, only: solver_state_t, ended_converged, ended_limit, ended_solves, ended_stalled
   use dotyk_scheme_stopping, only: solver_settings_t
@@ -46,6 +47,8 @@ module dotyk_control_gap_doubt
   !> Part of the greatest force or displacement below which a rough estimate of its uncertainty is good enough: bodies
   !> in contact are stiffer than their foundation, by the ratio of their size to that of the contact [].
   real(dp), parameter :: negligible = 1.0e-3_dp
+  !> Springs of floating bodies are a fraction of their contact as a whole; of a few rows it is ten times as much [].
+  real(dp), parameter :: of_springs = 30
   !> Another solution takes so many active sets more than this one at most. Fewer than this one took leave heaps of
   !> bodies out of equilibrium, and their forces look uncertain.
   integer, parameter :: most_more = 3
@@ -99,8 +102,8 @@ contains
       doubt%moved_change = 0
       return
     end if
-    ! Forces that are rounding of what the gaps would make of bodies at rest are none.
-    least = rounding*maxval([0.0_dp, doubt%force_change])
+    ! Forces that the weak springs of floating bodies make of what the gaps would make of bodies at rest are none.
+    least = of_springs*fraction*maxval([0.0_dp, doubt%force_change])
     call find_parts(moved, least, doubt)
     if (all(max(doubt%force_part, doubt%moved_part) < negligible)) return
     doubt%force_change = 0
