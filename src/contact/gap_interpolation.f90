@@ -270,6 +270,8 @@ contains
     !> Whether contact begins at a vertex, whatever the gap is between vertices: the facet is inclined by more than a
     !> parabola of the height of r, 4 times that at its ends.
     pure logical function is_least_at_vertex() result(is_least)
+      is_least = n_vertices > 0
+      if (.not. is_least) return
       associate (vertex => gap(m - n_vertices + 1:))
         is_least = maxval(vertex) - minval(vertex) > 4*greatest
       end associate

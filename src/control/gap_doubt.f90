@@ -102,8 +102,9 @@ contains
       doubt%moved_change = 0
       return
     end if
-    ! Forces that the weak springs of floating bodies make of what the gaps would make of bodies at rest are none.
-    least = of_springs*fraction*maxval([0.0_dp, doubt%force_change])
+    ! Forces that rounding, or the weak springs of floating bodies, make of what the gaps would make of bodies at rest
+    ! are none.
+    least = merge(of_springs*fraction, rounding, qp%coarse%n > 0)*maxval([0.0_dp, doubt%force_change])
     call find_parts(moved, least, doubt)
     if (all(max(doubt%force_part, doubt%moved_part) < negligible)) return
     doubt%force_change = 0
@@ -114,7 +115,7 @@ contains
       allocate (dual_t :: solver)
     end if
     ! Of heaps, where a solution is what costs, the one in which forces go other ways.
-    do pattern = merge(2, 1, is_heap(qp)), merge(2, 1, size(doubt) > 1)
+    do pattern = merge(2, 1, is_heap(qp) .and. size(doubt) > 1), merge(2, 1, size(doubt) > 1)
       sign = -1
       do k = 1, size(doubt)
         associate (of_pair => shift(qp%pair_first_row(k):qp%pair_first_row(k + 1) - 1))
