@@ -14,8 +14,8 @@
 !>
 !> r is a combination of the quadratic functions that vanish at the vertices, by least squares over the integration
 !> points of the facet and those of its vertices that have a projection: so it is known on facets of which only a part
-!> has one. Patches of the smooth surface are quadratic, so that this is exact over a planar master surface; elsewhere
-!> the small rest is taken off as well. A gap with kinks is no such combination, and stays as it is, unless it is least
+!> has one; there by ridge regression, or errors of patches would be taken for a steep r. Patches of the smooth surface
+!> are quadratic, so that this is exact over a planar master surface; elsewhere the small rest is taken off as well. A gap with kinks is no such combination, and stays as it is, unless it is least
 !> at a vertex: on the flank of a cone beside a flat end rows have the gap at the rim.
 module dotyk_contact_gap_interpolation
   use dotyk_base_error, only: error_t
@@ -139,8 +139,8 @@ contains
       end associate
       if (.not. any(list <= n - corners)) cycle
       gap = projection(list)%distance
-      call straighten(kind, extent(x(:, n - corners + 1:)), xi(:, list), area(list), count(list > n - corners), gap, &
-                      bend, curved, uncertainty)
+      call straighten(kind, extent(x(:, n - corners + 1:)), xi(:, list), area(list), count(list > n - corners), &
+                      maxval(projection(list)%uncertainty), gap, bend, curved, uncertainty)
       ! Patches of uncertain curvature have kinks: what is noise of the one is no error of the other.
       projection(list)%uncertainty = max(projection(list)%uncertainty, uncertainty)
       projection(list)%distance = gap
@@ -176,7 +176,7 @@ contains
           call straighten(surface%kind(f), extent(x(:, surface%node(:n, f))), &
                           reshape([pair%xi_a(:, first:last), vertex(:pair%dimension - 1, :n)], &
                                   [pair%dimension - 1, size(gap)]), &
-                          [pair%weight(first:last), [(0.0_dp, i=1, n)]], n, gap, bend, curved, &
+                          [pair%weight(first:last), [(0.0_dp, i=1, n)]], n, 0.0_dp, gap, bend, curved, &
                           pair%uncertainty(first))
           pair%uncertainty(first:last) = pair%uncertainty(first)
           pair%gap(first:last) = gap(:last - first + 1)
@@ -195,13 +195,14 @@ contains
   end function extent
 
   !> Take r off the gaps at points of one facet.
-  subroutine straighten(kind, length, xi, area, n_vertices, gap, bend, curved, uncertainty)
+  subroutine straighten(kind, length, xi, area, n_vertices, noise, gap, bend, curved, uncertainty)
     integer, intent(in) :: kind  !! Element kind of the facet.
     real(dp), intent(in) :: length  !! Length of the facet [length].
     real(dp), intent(in) :: xi(:, :)  !! Reference coordinates of the points (dimension-1, n_points) [].
     !> Quadrature weights of the points (n_points) [length^2; length in two dimensions].
     real(dp), intent(in) :: area(:)
     integer, intent(in) :: n_vertices  !! Number of vertices of the facet among the points, the last ones.
+    real(dp), intent(in) :: noise  !! Errors of the gaps that no function has [length].
     real(dp), intent(inout) :: gap(:)  !! Gaps at the points (n_points) [length].
     real(dp), allocatable, intent(out) :: bend(:)  !! What was taken off (n_points) [length].
     !> What of r is left where the facet can bend (n_points) [length].
@@ -211,7 +212,7 @@ contains
     real(dp), intent(out) :: uncertainty
     type(element_kind_t) :: properties
     real(dp), allocatable :: linear(:, :), bubble(:, :), without_linear(:, :), coefficient(:), rest(:), r(:)
-    real(dp) :: weight(size(area)), greatest, least
+    real(dp) :: weight(size(area)), greatest, least, ridge
     integer :: i, m, n
     m = size(area)
     allocate (bend(m), curved(m), source=0.0_dp)
@@ -232,7 +233,9 @@ contains
     do i = 1, size(bubble, 1)
       without_linear(i, :) = bubble(i, :) - matmul(at_corners(bubble(i, :)), linear)
     end do
-    coefficient = fitted(without_linear, weight, rest)
+    ridge = 0
+    if (n_vertices < n) ridge = (noise/(maxval(gap) - least))**2
+    coefficient = fitted(without_linear, weight, rest, ridge)
     r = matmul(coefficient, bubble)
     greatest = maxval(abs(r))
     if (greatest <= min_curvature*length) return
@@ -240,7 +243,7 @@ contains
     if (sum(weight*rest**2) > max_rest**2*sum(weight*r**2) .and. .not. is_least_at_vertex()) then
       ! Where there are points only: vertices may lie beyond.
       weight(m - n_vertices + 1:) = 0
-      associate (row => matmul(fitted(linear, weight, gap), linear))
+      associate (row => matmul(fitted(linear, weight, gap, 0.0_dp), linear))
         uncertainty = abs(minval(row(:m - n_vertices)) - minval(gap(:m - n_vertices)))
       end associate
       return
@@ -263,7 +266,7 @@ contains
       if (n_vertices == n) then
         corner = value(m - n + 1:)
       else
-        corner = fitted(linear, weight, value)
+        corner = fitted(linear, weight, value, 0.0_dp)
       end if
     end function at_corners
 
@@ -279,10 +282,11 @@ contains
   end subroutine straighten
 
   !> Coefficients of a least-squares approximation; 0 for combinations that the points do not determine.
-  function fitted(functions, weight, value) result(coefficient)
+  function fitted(functions, weight, value, ridge) result(coefficient)
     real(dp), intent(in) :: functions(:, :)  !! Functions at the points (n, n_points) [].
     real(dp), intent(in) :: weight(:)  !! Weights of the points (n_points) [].
     real(dp), intent(in) :: value(:)  !! Values to be approximated (n_points) [any].
+    real(dp), intent(in) :: ridge  !! Of ridge regression: mean squares far below it determine nothing [].
     real(dp) :: coefficient(size(functions, 1))  !! Coefficients (n) [as `value`].
     type(error_t), allocatable :: error
     real(dp) :: matrix(size(functions, 1), size(functions, 1)), vectors(size(functions, 1), size(functions, 1))
@@ -297,7 +301,7 @@ contains
     if (allocated(error)) return
     do i = 1, n
       if (values(i) > min_mean_square) &
-        coefficient = coefficient + vectors(:, i)*dot_product(vectors(:, i), right)/values(i)
+        coefficient = coefficient + vectors(:, i)*dot_product(vectors(:, i), right)/(values(i) + ridge)
     end do
   end function fitted
 
