@@ -307,7 +307,8 @@ contains
       is_shown(k) = .true.
       line = ''
       if (doubt(k)%force_part > considerable) &
-        line = ' contact force '//to_text(doubt(k)%force, 4)//', uncertain by '//to_text(doubt(k)%force_change, 2)
+        line = ' normal forces of '//to_text(doubt(k)%force, 4)//' together, uncertain by '// &
+               to_text(doubt(k)%force_change, 2)
       if (doubt(k)%moved_part > considerable) line = &
         line//trim(merge(',', ' ', len(line) > 0))//' normal displacements uncertain by '// &
         to_text(doubt(k)%moved_change, 2)
