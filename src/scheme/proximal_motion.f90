@@ -11,8 +11,8 @@
 !> What the springs carry is the imbalance `r = T (alpha_{k+1} - alpha_k)` of the body. The iteration ends when it is
 !> rounding, or no more than `max_unbalanced` of the forces on a body that goes on moving along a direction in which the
 !> rows G resist by no more than they are uncertain (`deviation` of `dotyk_scheme_coarse_space`): contact does not
-!> determine such a motion. Where nothing resists at all the body is brought back, and its springs become nearly as
-!> stiff as the contact there.
+!> determine such a motion. Where other bodies at rest would resist it no more, the body is brought back, and its
+!> springs become nearly as stiff as the contact there.
 !>
 !> Bodies that ties join are one: they have no springs where ties, springs and supports resist all their motions, and
 !> what resists one of them is what resists all together. Shortenings of bolts have none.
@@ -267,10 +267,9 @@ contains
           associate (g => self%group(b))
             self%rest(b) = max(self%rest(b), size_now/on_group(g))
             self%excess(b) = max(self%excess(b), size_now/on_group(g))
-            is_free = alone(g) <= rounding*weight(g)*whole(g)
-            may_rest = resisted(g) <= rounding*weight(g)*whole(g) .or. doubted(g) >= uncertain**2*resisted(g)
+            is_free = is_uncertain(alone(g), g)
+            may_rest = is_uncertain(resisted(g), g) .and. self%excess(b) <= qp%coarse%max_unbalanced
           end associate
-          may_rest = may_rest .and. self%excess(b) <= qp%coarse%max_unbalanced
           if (.not. goes_on) then
             done = .false.
           else if (.not. may_rest) then
@@ -307,10 +306,10 @@ contains
     end subroutine find_forces
 
     !> Forces of the springs of body b; in directions that are held their feet stay, and the step is without these. A
-    !> direction is released where loads act along it, or the springs carry more than the uncertainty of the normals
+    !> direction is released where loads act along it, or the springs carry, more than the uncertainty of the normals
     !> makes of the contact forces.
     subroutine judge_held()
-      real(dp), allocatable :: held(:, :), carried(:)
+      real(dp), allocatable :: held(:, :), carried(:), uncertain_part(:)
       integer, allocatable :: kept(:)
       integer :: j
       associate (row => qp%block(b)%row, on_body => on_group(self%group(b)), first => qp%coarse%first(b), &
@@ -324,11 +323,11 @@ contains
           self%centre(first:last) = before(first:last) + step(first:last)
         end associate
         self%rest(b) = norm2(carried)
-        carried = abs(carried) - [(sum(abs(lambda(row)*matmul(qp%coarse%deviation(b)%value, held(:, j)))), &
-                                   j=1, size(held, 2))]/(uncertain*on_body)
-        self%excess(b) = maxval([0.0_dp, carried])
-        carried = max(carried, abs(matmul(qp%coarse%resultant(first:last), self%loaded(b)%value))/on_body)
-        kept = pack([(j, j=1, size(carried))], .not. carried > qp%coarse%max_unbalanced)
+        uncertain_part = [(sum(abs(lambda(row)*matmul(qp%coarse%deviation(b)%value, held(:, j)))), &
+                           j=1, size(held, 2))]/(uncertain*on_body)
+        self%excess(b) = maxval([0.0_dp, abs(carried) - uncertain_part])
+        carried = max(abs(carried), abs(matmul(qp%coarse%resultant(first:last), self%loaded(b)%value))/on_body)
+        kept = pack([(j, j=1, size(carried))], .not. carried - uncertain_part > qp%coarse%max_unbalanced)
         if (size(kept) == size(carried)) return
         self%held(b)%value = held(:, kept)
         held = self%loaded(b)%value(:, kept)
@@ -340,6 +339,13 @@ contains
         done = .false.
       end associate
     end subroutine judge_held
+
+    !> Whether rows resist the step of a group by no more than they are uncertain.
+    pure logical function is_uncertain(resistance, g)
+      real(dp), intent(in) :: resistance  !! Of these rows [energy].
+      integer, intent(in) :: g  !! The group.
+      is_uncertain = resistance <= rounding*weight(g)*whole(g) .or. doubted(g) >= uncertain**2*resistance
+    end function is_uncertain
 
     !> By how much the active rows of each group of bodies that ties join resist the step, by how much they would if the
     !> other bodies were at rest, and by how much they are uncertain.
