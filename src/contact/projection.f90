@@ -127,6 +127,7 @@ contains
     integer :: kept(max_around), vertex, n_kept, i, k, other, n_on, on(2), best
     real(dp) :: xi_at(2, max_around), position_at(3, max_around), normal_at(3, max_around), facing(max_around)
     real(dp) :: xu(3, max_around), xv(3, max_around), square
+    real(dp), allocatable :: along(:)
     real(dp) :: closest_xi(2), closest(3), unused_normal(3), unused_u(3), unused_v(3)
     call self%adjacency%facets_at(self%set%corners(facet), facet, n_edges, edges, around, vertex)
     n_kept = 0
@@ -168,6 +169,9 @@ contains
       end do
     end do
     if (n_kept == 0) return
+    ! Beside a sharp edge x may be far along the facet that faces body a best: the other one tells the direction.
+    along = abs(matmul(x - position, normal_at(:, :n_kept)))
+    if (along(best) < min_alignment*norm2(x - position)) best = maxloc(along, 1)
     facet = kept(best)
     xi = xi_at(:, best)
     position = position_at(:, best)
