@@ -61,6 +61,7 @@ contains
       at_contact(b)%displacement = reshape(modes(b)%shape(:, block(b)%contact_node, :), &
                                            [size(modes(b)%shape, 1)*size(block(b)%contact_node), modes(b)%n])
       at_contact(b)%resultant = modes(b)%resultant
+      at_contact(b)%resultant_size = modes(b)%resultant_size
       at_contact(b)%mean_square = 1.0_dp/max(1, body(b)%mesh%n_whole_nodes())
       if (.not. modes(b)%is_near_null()) then
         at_contact(b)%translation = modes(b)%rigid%translations()
@@ -68,7 +69,6 @@ contains
       end if
       at_contact(b)%stiffness = modes(b)%stiffness
       at_contact(b)%lift_resultant = modes(b)%lift_resultant
-      at_contact(b)%resultant_size = modes(b)%resultant_size
     end do
   end subroutine find_modes
 

@@ -136,12 +136,18 @@ contains
       allocate (resultant(size(problem%body)))
       if (n_ranks() > 1) then
         do b = 1, size(problem%body)
-          if (problem%ranks%is_own(b)) resultant(b)%value = problem%modes(b)%resultant
+          associate (modes => problem%modes(b))
+            if (problem%ranks%is_own(b)) resultant(b)%value = [modes%resultant, modes%resultant_size]
+          end associate
         end do
         call share_errors(problem%ranks%owner, failed)
         call share(problem%ranks%owner, resultant)
         do b = 1, size(problem%body)
-          if (.not. problem%ranks%is_own(b)) problem%modes(b)%resultant = resultant(b)%value
+          if (problem%ranks%is_own(b)) cycle
+          associate (modes => problem%modes(b), value => resultant(b)%value)
+            modes%resultant = value(:size(value)/2)
+            modes%resultant_size = value(size(value)/2 + 1:)
+          end associate
         end do
       end if
       do b = 1, size(problem%body)

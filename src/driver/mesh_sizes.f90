@@ -65,9 +65,10 @@ contains
     do f = 1, size(file)
       meshing = meshing_of(unsized)
       call read_alone(file(f)%s, case%scene%dimension, mesh, meshing, error)
-      if (.not. allocated(error)) call add_unions(case, file(f)%s, mesh)
+      if (allocated(error)) return
+      call add_unions(case, file(f)%s, mesh)
       n_elements(f) = count_elements(mesh)
-      if (.not. allocated(error)) call add_views(case, file(f)%s, mesh, view, error)
+      call add_views(case, file(f)%s, mesh, view, error)
       if (allocated(error)) return
     end do
     call check_use(case, error)

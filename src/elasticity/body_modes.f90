@@ -23,7 +23,7 @@ module dotyk_elasticity_body_modes
     !> Spring stiffnesses of near-null-space modes; not allocated for rigid body modes (n, n) [force/length].
     real(dp), allocatable :: stiffness(:, :)
     real(dp), allocatable :: lift_resultant(:)  !! Of prescribed displacements on near-null-space modes (n) [force].
-    real(dp), allocatable :: resultant_size(:)  !! Absolute terms of resultants on near-null-space modes (n) [force].
+    real(dp), allocatable :: resultant_size(:)  !! Sums of the absolute terms of the resultants (n) [force].
     type(rigid_body_modes_t) :: rigid  !! Rigid body modes as translations and rotations, for messages.
   contains
     procedure :: find => modes_find
@@ -53,7 +53,7 @@ contains
     type(body_t), intent(in) :: body  !! The body, with supports and loads.
     call self%rigid%init(body%mesh, body%analysis, body%constraint, self%shape)
     self%n = self%rigid%n
-    call find_resultants(body%mesh, self%shape, body%load, self%resultant)
+    call find_resultants(body%mesh, self%shape, body%load, self%resultant, self%resultant_size)
   end subroutine modes_find
 
   !> Rigid body modes of a congruent body, from those of the representative.
@@ -76,14 +76,14 @@ contains
     end if
     self%rigid = first%rigid
     call self%rigid%move(body%mesh, motion)
-    call find_resultants(body%mesh, self%shape, body%load, self%resultant)
+    call find_resultants(body%mesh, self%shape, body%load, self%resultant, self%resultant_size)
   end subroutine modes_move
 
   !> Take the loads of another load case.
   subroutine modes_take_loads(self, body)
     class(body_modes_t), intent(inout) :: self
     type(body_t), intent(in) :: body  !! The body, with its loads.
-    call find_resultants(body%mesh, self%shape, body%load, self%resultant)
+    call find_resultants(body%mesh, self%shape, body%load, self%resultant, self%resultant_size)
   end subroutine modes_take_loads
 
   !> Keep the displacements of some nodes.
@@ -100,6 +100,7 @@ contains
     call parcel%carry(self%n)
     call parcel%carry(self%shape)
     call parcel%carry(self%resultant)
+    call parcel%carry(self%resultant_size)
     call self%rigid%carry(parcel)
   end subroutine modes_carry
 
@@ -112,6 +113,7 @@ contains
       self%shape = reshape(matmul(reshape(self%shape, [points, self%n]), basis), shape(self%shape))
     end associate
     self%resultant = matmul(self%resultant, basis)
+    self%resultant_size = matmul(self%resultant_size, abs(basis))
     call self%rigid%rotate(basis)
   end subroutine modes_rotate
 
@@ -196,11 +198,12 @@ contains
   end function modes_span_text
 
   !> Resultants of loads on modes. Rounding errors of self-equilibrated loads are set to zero.
-  subroutine find_resultants(mesh, shape, load, resultant)
+  subroutine find_resultants(mesh, shape, load, resultant, resultant_size)
     type(body_mesh_t), intent(in) :: mesh  !! Elements and nodes of the body.
     real(dp), intent(in) :: shape(:, :, :)  !! Modes (dim, n_nodes, n) [].
     real(dp), intent(in) :: load(:, :)  !! Nodal forces, complete at the own nodes (dim, n_nodes) [force].
-    real(dp), allocatable, intent(out) :: resultant(:)  !! Resultants (n) [force].
+    !> Resultants, and the sums of their absolute terms (n) [force].
+    real(dp), allocatable, intent(out) :: resultant(:), resultant_size(:)
     real(dp) :: total(2*size(shape, 3))
     integer :: i, k, n
     n = size(shape, 3)
@@ -213,6 +216,7 @@ contains
     end do
     if (n > 0) call add_up_parts(mesh, total)
     resultant = total(:n)
-    where (abs(resultant) <= rounding*total(n + 1:)) resultant = 0
+    resultant_size = total(n + 1:)
+    where (abs(resultant) <= rounding*resultant_size) resultant = 0
   end subroutine find_resultants
 end module dotyk_elasticity_body_modes

@@ -22,8 +22,7 @@ module dotyk_scheme_coarse_space
     real(dp), allocatable :: stiffness(:, :)
     !> Contribution of prescribed displacements to the resultants of near-null-space modes (n) [force].
     real(dp), allocatable :: lift_resultant(:)
-    !> Sum of the absolute values that these resultants are made up of (n) [force].
-    real(dp), allocatable :: resultant_size(:)
+    real(dp), allocatable :: resultant_size(:)  !! Sums of the absolute terms of the resultants (n) [force].
     !> Amplitudes of the unit translations of a body in one piece, and translations of its centre by its modes (n, 6)
     !> []; without columns for other bodies, not allocated for near-null-space modes.
     real(dp), allocatable :: translation(:, :)
@@ -53,8 +52,7 @@ module dotyk_scheme_coarse_space
     !> S by bodies, 0 for exact rigid body modes; not allocated where no mode has a stiffness (n_bodies).
     type(mode_block_t), allocatable :: stiffness(:)
     real(dp), allocatable :: lift(:)  !! Contribution of prescribed displacements to e; allocated with S (n) [force].
-    !> Sum of the absolute values that e is made up of, for its rounding error; allocated with S (n) [force].
-    real(dp), allocatable :: resultant_size(:)
+    real(dp), allocatable :: resultant_size(:)  !! Sums of the absolute terms of e (n) [force].
     real(dp), allocatable :: scale(:)  !! Amplitudes of the modes of the bodies per amplitude of these (n).
     real(dp), allocatable :: mean_square(:)  !! Mean square displacement of the nodes of the body by each mode (n) [].
     type(mode_block_t), allocatable :: translation(:)  !! The same for each body (n_bodies) [length, no unit].
@@ -102,7 +100,7 @@ contains
       self%first(b + 1) = self%first(b) + size(modes(b)%resultant) + count(bolt%body == b)
     end do
     self%n = self%first(size(block) + 1) - 1
-    allocate (self%resultant(self%n))
+    allocate (self%resultant(self%n), self%resultant_size(self%n))
     allocate (self%scale(self%n), self%mean_square(self%n), source=1.0_dp)
     allocate (self%is_slide(self%n), source=.true.)
     do b = 1, size(block)
@@ -112,12 +110,14 @@ contains
         do j = 1, size(own%resultant)
           self%is_slide(first + j - 1) = .false.
           self%resultant(first + j - 1) = own%resultant(j)
+          self%resultant_size(first + j - 1) = own%resultant_size(j)
           self%mean_square(first + j - 1) = own%mean_square
           if (size(block(b)%row) == 0) cycle
           ! A mode of a part without contact nodes moves none.
           most = maxval(abs(own%displacement(:, j)))
           if (most > rounding) self%scale(first + j - 1) = 1/most
           self%resultant(first + j - 1) = self%scale(first + j - 1)*own%resultant(j)
+          self%resultant_size(first + j - 1) = self%scale(first + j - 1)*own%resultant_size(j)
           self%mean_square(first + j - 1) = self%scale(first + j - 1)**2*own%mean_square
           if (allocated(own%translation)) then
             if (size(own%translation) > 0) self%translation(b)%value(j, :) = own%translation(j, :)*&
@@ -134,6 +134,7 @@ contains
         if (bolt(j)%body /= b) cycle
         n = n + 1
         self%resultant(self%first(b) + n - 1) = bolt(j)%force
+        self%resultant_size(self%first(b) + n - 1) = abs(bolt(j)%force)
         self%block(b)%value(:, n) = opened_by(bolt(j), block(b)%row)
       end do
     end do
@@ -186,7 +187,6 @@ contains
     integer :: b, j, n, n_all
     allocate (self%stiffness(size(modes)))
     allocate (self%lift(self%n), source=0.0_dp)
-    self%resultant_size = abs(self%resultant)
     do b = 1, size(modes)
       n = size(modes(b)%resultant)
       n_all = self%first(b + 1) - self%first(b)
@@ -198,7 +198,6 @@ contains
           self%stiffness(b)%value(:n, j) = scale*own%stiffness(:, j)*scale(j)
         end do
         self%lift(first:last) = scale*own%lift_resultant
-        self%resultant_size(first:last) = scale*own%resultant_size
       end associate
     end do
   end subroutine take_stiffness
@@ -310,7 +309,7 @@ contains
     if (allocated(self%deviation)) deallocate (self%deviation)
     if (allocated(self%translation)) deallocate (self%translation)
     if (allocated(self%stiffness)) deallocate (self%stiffness)
-    if (allocated(self%lift)) deallocate (self%lift, self%resultant_size)
-    if (allocated(self%resultant)) deallocate (self%resultant, self%is_slide)
+    if (allocated(self%lift)) deallocate (self%lift)
+    if (allocated(self%resultant)) deallocate (self%resultant, self%resultant_size, self%is_slide)
   end subroutine coarse_destroy
 end module dotyk_scheme_coarse_space

@@ -10,16 +10,16 @@
 !>
 !> What the springs carry is the imbalance `r = T (alpha_{k+1} - alpha_k)` of the body. The iteration ends when it is
 !> rounding, or no more than `max_unbalanced` of the forces on a body that goes on moving along a direction in which the
-!> rows G resist by no more than they are uncertain (`deviation` of `dotyk_scheme_coarse_space`): contact does not
-!> determine such a motion. Where other bodies at rest would resist it no more, the body is brought back, and its
-!> springs become nearly as stiff as the contact there.
+!> rows G resist by no more than they are uncertain (`deviation` of `dotyk_scheme_coarse_space`), and along which loads
+!> do not act: contact does not determine such a motion. Where other bodies at rest would resist it no more, the body is
+!> brought back, and its springs become nearly as stiff as the contact there.
 !>
 !> Bodies that ties join are one: they have no springs where ties, springs and supports resist all their motions, and
 !> what resists one of them is what resists all together. Shortenings of bolts have none.
 module dotyk_scheme_proximal_motion
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
-  use dotyk_base_thresholds, only: half_digits, least_gain, rounding
+  use dotyk_base_thresholds, only: half_digits, least_gain, one_digit, rounding
   use dotyk_linalg_dense, only: orthonormal_range, symmetric_eigen
   use dotyk_scheme_coarse_space, only: coarse_space_t, mode_block_t
   use dotyk_scheme_contact_qp, only: contact_qp_t
@@ -69,6 +69,8 @@ module dotyk_scheme_proximal_motion
   !> Directions that are held from the first step on are spins: nothing but facets resists them. They are rotations by
   !> more than this fraction.
   real(dp), parameter :: spins = 0.9_dp, half = 0.5_dp
+  !> Loads act along a motion where they do more than this part of the work that they could do at all [].
+  real(dp), parameter :: acting = one_digit
   integer, parameter :: most_steps = 60  !! Steps at most.
 
 contains
@@ -232,7 +234,7 @@ contains
     logical, intent(out) :: done
     real(dp) :: before(size(alpha)), step(size(alpha)), force(size(alpha))
     real(dp) :: moved(qp%n_rows), uncertainty(qp%n_rows)
-    real(dp), dimension(size(self%is_held)) :: resisted, alone, doubted, weight, whole, on_group
+    real(dp), dimension(size(self%is_held)) :: resisted, alone, doubted, weight, whole, work, most_work, on_group
     real(dp) :: greatest, size_now
     logical :: goes_on, may_rest, is_free
     integer :: b, n_active
@@ -268,7 +270,10 @@ contains
             self%rest(b) = max(self%rest(b), size_now/on_group(g))
             self%excess(b) = max(self%excess(b), size_now/on_group(g))
             is_free = is_uncertain(alone(g), g)
-            may_rest = is_uncertain(resisted(g), g) .and. self%excess(b) <= qp%coarse%max_unbalanced
+            may_rest = is_uncertain(resisted(g), g)
+            if (goes_on .and. may_rest .and. abs(work(g)) > acting*most_work(g)) &
+              self%excess(b) = max(self%excess(b), abs(work(g))/most_work(g))
+            may_rest = may_rest .and. self%excess(b) <= qp%coarse%max_unbalanced
           end associate
           if (.not. goes_on) then
             done = .false.
@@ -309,7 +314,7 @@ contains
     !> direction is released where loads act along it, or the springs carry, more than the uncertainty of the normals
     !> makes of the contact forces.
     subroutine judge_held()
-      real(dp), allocatable :: held(:, :), carried(:), uncertain_part(:)
+      real(dp), allocatable :: held(:, :), carried(:), uncertain_part(:), load(:), most_load(:)
       integer, allocatable :: kept(:)
       integer :: j
       associate (row => qp%block(b)%row, on_body => on_group(self%group(b)), first => qp%coarse%first(b), &
@@ -326,8 +331,11 @@ contains
         uncertain_part = [(sum(abs(lambda(row)*matmul(qp%coarse%deviation(b)%value, held(:, j)))), &
                            j=1, size(held, 2))]/(uncertain*on_body)
         self%excess(b) = maxval([0.0_dp, abs(carried) - uncertain_part])
-        carried = max(abs(carried), abs(matmul(qp%coarse%resultant(first:last), self%loaded(b)%value))/on_body)
-        kept = pack([(j, j=1, size(carried))], .not. carried - uncertain_part > qp%coarse%max_unbalanced)
+        load = abs(matmul(qp%coarse%resultant(first:last), self%loaded(b)%value))
+        carried = max(abs(carried), load/on_body)
+        most_load = matmul(qp%coarse%resultant_size(first:last), abs(self%loaded(b)%value))
+        kept = pack([(j, j=1, size(carried))], .not. (carried - uncertain_part > qp%coarse%max_unbalanced .or. &
+                                                      load > acting*most_load))
         if (size(kept) == size(carried)) return
         self%held(b)%value = held(:, kept)
         held = self%loaded(b)%value(:, kept)
@@ -348,7 +356,7 @@ contains
     end function is_uncertain
 
     !> By how much the active rows of each group of bodies that ties join resist the step, by how much they would if the
-    !> other bodies were at rest, and by how much they are uncertain.
+    !> other bodies were at rest, and by how much they are uncertain; the work of the loads.
     subroutine measure_groups()
       real(dp) :: own(qp%n_rows)
       integer :: body, n
@@ -357,6 +365,8 @@ contains
       doubted = 0
       weight = 0
       whole = 0
+      work = 0
+      most_work = 0
       do body = 1, size(qp%block)
         associate (row => qp%block(body)%row, first => qp%coarse%first(body), last => qp%coarse%first(body + 1) - 1, &
                    g => self%group(body))
@@ -368,6 +378,8 @@ contains
           alone(g) = alone(g) + sum(foundation(row)*own(:n)**2, mask=active(row))
           doubted(g) = doubted(g) + sum(foundation(row)*uncertainty(row)**2, mask=active(row))
           whole(g) = whole(g) + sum(qp%coarse%mean_square(first:last)*step(first:last)**2)
+          work(g) = work(g) + dot_product(qp%coarse%resultant(first:last), step(first:last))
+          most_work(g) = most_work(g) + dot_product(qp%coarse%resultant_size(first:last), abs(step(first:last)))
         end associate
       end do
     end subroutine measure_groups

@@ -189,6 +189,7 @@ contains
           end associate
         end do
       end do
+      coarse%resultant_size = abs(coarse%resultant)
       call coarse%take_rows(merged%block, merged%n_rows)
     end associate
   end subroutine merge_bodies

@@ -220,6 +220,30 @@ class Free(dotyk_case.Case):
         self.write("case.nml", text + loose)
         self.assertIn("any motion of 'loose'; least motion taken", self.solve()[0])
 
+    def test_press_fit_carries_no_torque(self):
+        """However small the torque is beside the forces of the fit: they are none that resist it."""
+        self.write("fit.geo", """SetFactory("OpenCASCADE");
+Cylinder(1) = {0, 0, -8, 0, 0, 16, 5};
+Cylinder(2) = {0, 0, -4, 0, 0, 8, 9}; Cylinder(3) = {0, 0, -9, 0, 0, 18, 5};
+BooleanDifference(4) = { Volume{2}; Delete; }{ Volume{3}; Delete; };
+Physical Volume("shaft") = {1}; Physical Volume("hub") = {4};
+Physical Surface("end") = Surface In BoundingBox {-6, -6, -8.01, 6, 6, -7.99};
+Physical Surface("top") = Surface In BoundingBox {-10, -10, 3.99, 10, 10, 4.01};
+Physical Surface("side") = Surface In BoundingBox {-5.1, -5.1, -8.1, 5.1, 5.1, 8.1};
+s() = Boundary{ Volume{4}; }; Physical Surface("skin") = {s()};
+Mesh.MeshSizeMax = 3;
+""")
+        for torque, code in (0, 0), (2000, 1):
+            self.write("case.nml", """&scene mesh='fit.geo' /
+&material name='m', young=210e3, poisson=0.3 /
+&body name='shaft', volume='shaft', material='m' /
+&body name='hub', volume='hub', material='m' /
+&support body='shaft', surface='end', fix='xyz' /
+&contact name='fit', surface_a='shaft:side', surface_b='hub:skin', gap=-0.01 /
+&load body='hub', surface='top', force=0,0,0, moment=0,0,%d /
+""" % torque)
+            self.dotyk("case.nml", code=code)
+
     def test_balanced_loads(self):
         """A column that leans, its upper block free across: rounding errors of the pressure's direction push it
         nowhere."""

@@ -77,6 +77,7 @@ contains
         if (.not. allocated(given%mode)) cycle
         modes(b)%displacement = given%mode
         modes(b)%resultant = given%resultant
+        modes(b)%resultant_size = abs(given%resultant)
         if (.not. allocated(given%stiffness)) cycle
         modes(b)%stiffness = given%stiffness
         modes(b)%lift_resultant = 0*given%resultant

@@ -43,6 +43,15 @@ class Campaign(dotyk_case.Case):
         self.assertEqual(outcome[10], "says why not")
         self.assertNotEqual(outcome[48], "silent")
 
+    def test_parts_in_clearance_holes(self):
+        """A pin whose gaps the meshes tell well (52), and a shaft that stays where it is although its facets push it
+        along its bore (59)."""
+        for seeds in ("52:53", "59:60"):
+            entries, _ = self.run_seeds("--loose", seeds=seeds, name="loose hand")
+        self.assertEqual([entry["code"] for entry in entries], [0, 0])
+        self.assertEqual(entries[0]["outcome"], "balances")
+        self.assertLess(entries[1]["numbers"]["move"], 0.1)
+
     def test_strip_narrower_than_facets(self):
         """A cylinder with a vertex inside a narrow face gets a contact row there."""
         entries, _ = self.run_seeds(seeds="211:212")
