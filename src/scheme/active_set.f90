@@ -5,9 +5,10 @@
 !> body modes; rows in tension leave the active set, and penetrating rows enter it (Hueber, Wohlmuth 2005). Springs
 !> (`dotyk_scheme_proximal_motion`) carry a floating body that the active rows cannot carry.
 !> Should active sets cycle, the interior-point method (`dotyk_scheme_interior_point`) finds one next to the solution.
-!> Rows of ties are always active.
-!> Should they cycle even from there, by rows whose gaps and forces nearly vanish, that one is the solution, and its
-!> bound says how accurate it is.
+!> From there a set that is no nearer to a solution than one before changes by its last row alone: such steps do not
+!> cycle (J. J. Judice and F. M. Pires, Comput. Oper. Res. 21, 1994). Rows of ties are always active.
+!> Should there be too many of them, by rows whose gaps and forces nearly vanish, the interior point is the solution,
+!> and its bound says how accurate it is.
 module dotyk_scheme_active_set
   use dotyk_base_error, only: error_t
   use dotyk_base_interrupt, only: interrupted
@@ -39,7 +40,7 @@ module dotyk_scheme_active_set
   !> Active sets after which the interior-point method finds a better one: Newton's method needs less than ten, or
   !> cycles.
   integer, parameter :: most_first_steps = 9
-  integer, parameter :: most_last_steps = 16  !! Active sets after that at most.
+  integer, parameter :: most_last_steps = 60  !! Active sets after that at most.
   !> Active sets at most that rows without force, added to a solution, take until it is one again.
   integer, parameter :: most_join_steps = 4
 
@@ -71,7 +72,7 @@ contains
     logical, allocatable :: inside_active(:), unjoined_active(:)
     real(dp), allocatable :: change(:), yields(:)
     real(dp) :: begin, length, largest_force, largest_gap
-    integer :: k, last_k, steps, place
+    integer :: k, last_k, steps, place, fewest
 
     begin = wall_time()
     allocate (change(size(active)))
@@ -82,6 +83,7 @@ contains
     joined = .false.
     is_shared = .false.
     last_k = max_iterations
+    fewest = huge(fewest)
     do k = 1, max_iterations
       if (interrupted() .or. k > last_k) exit
       cycles = .not. (tried .or. joined) .and. (k == most_first_steps .or. is_not_decreasing(changes(:k - 1)))
@@ -153,7 +155,13 @@ contains
         unjoined_active = active
         last_k = min(last_k, k + most_join_steps)
       end if
-      active = next
+      if (tried .and. .not. joined .and. changes(k) >= fewest) then
+        place = findloc(next .neqv. active, .true., 1, back=.true.)
+        active(place) = next(place)
+      else
+        if (tried) fewest = changes(k)
+        active = next
+      end if
     end do
     if (joined .and. .not. is_shared) then
       now = unjoined
