@@ -244,6 +244,35 @@ Mesh.MeshSizeMax = 3;
 """ % torque)
             self.dotyk("case.nml", code=code)
 
+    def test_loose_key(self):
+        """A key that nothing loads, flush with the bottom of its keyway, gets no force; the hub gives its load on."""
+        self.write("key.geo", """SetFactory("OpenCASCADE");
+Cylinder(1) = {0,0,-10,0,0,60,20}; Box(10) = {-4,15.5,5,8,10,30};
+s() = BooleanDifference{ Volume{1}; Delete; }{ Volume{10}; Delete; };
+Cylinder(2) = {0,0,5,0,0,30,38}; Cylinder(11) = {0,0,0,0,0,40,20.05}; Box(12) = {-4.03,0,0,8.06,23.8,40};
+h() = BooleanDifference{ Volume{2}; Delete; }{ Volume{11,12}; Delete; };
+Box(3) = {-3.98,15.5,5.1,7.96,8,29.8};
+Physical Volume("shaft") = {s(0)}; Physical Volume("hub") = {h(0)}; Physical Volume("key") = {3};
+Physical Surface("end") = Surface In BoundingBox {-21,-21,-10.1,21,21,-9.9};
+Physical Surface("side") = Surface In BoundingBox {-39,-39,4.9,39,39,35.1};
+Mesh.MeshSizeMax = 7; Mesh.ElementOrder = 2;
+""")
+        self.write("case.nml", """&scene mesh='key.geo' /
+&material name='m', young=210e3, poisson=0.3 /
+&body name='shaft', volume='shaft', material='m' /
+&body name='hub', volume='hub', material='m' /
+&body name='key', volume='key', material='m' /
+&support body='shaft', surface='end', fix='xyz' /
+&support body='hub', surface='side', fix='z' /
+&load body='hub', surface='side', force=0,500,0, point=0,0,20 /
+&contact auto=.true. /
+""")
+        self.dotyk("case.nml")
+        contact = self.results("case.vtkhdf")["dotyk/contact"]
+        force = {name: contact[name].attrs["force"] for name in contact}
+        self.assertAlmostEqual(abs(force["shaft - hub"][1]), 500, delta=1e-4)
+        self.assertLess(max(abs(force[name]).max() for name in force if "key" in name), 1e-4)
+
     def test_balanced_loads(self):
         """A column that leans, its upper block free across: rounding errors of the pressure's direction push it
         nowhere."""
