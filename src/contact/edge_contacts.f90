@@ -7,7 +7,7 @@ module dotyk_contact_edge_contacts
   use dotyk_contact_adjacency, only: adjacency_t
   use dotyk_contact_facet_corners, only: corner_position, edge_coordinates
   use dotyk_contact_facet_set, only: facet_position_and_normal, facet_set_t
-  use dotyk_contact_false_overlap, only: is_false_overlap
+  use dotyk_contact_local_depth, only: is_false_overlap
   use dotyk_contact_point_contacts, only: flank_cosine, min_exposure, point_contact_t, shallow
   use dotyk_contact_projection, only: master_surface_t
   use dotyk_contact_tree_search, only: box_neighbourhood_t, facets_in_region

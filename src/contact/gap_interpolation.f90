@@ -26,7 +26,7 @@ module dotyk_contact_gap_interpolation
   use dotyk_contact_projection, only: projection_found, projection_t
   use dotyk_contact_segment_quadrature, only: quadrature_rule_t
   use dotyk_linalg_dense, only: symmetric_eigen
-  use dotyk_mesh_element, only: element_kind, element_kind_t, kind_nodes, shape_functions
+  use dotyk_mesh_element, only: element_kind, element_kind_t, shape_functions
   use dotyk_mesh_surface, only: surface_t
   implicit none
   private

@@ -14,14 +14,13 @@
 !> facets that no master facet covers; their points are counted as unprojected.
 module dotyk_contact_mortar_segments
   use dotyk_base_kinds, only: dp
-  use dotyk_contact_auxiliary_plane, only: is_affine, auxiliary_plane_t, is_plane_polygon, reference_centre, inverse_map
   use dotyk_contact_clipping, only: mortar_segment_t, segments_of_facet, segments_of_line
+  use dotyk_contact_auxiliary_plane, only: is_affine, auxiliary_plane_t, is_plane_polygon, reference_centre, inverse_map
   use dotyk_contact_facet_set, only: facet_position_and_normal, facet_set_t
-  use dotyk_contact_moment_fitting, only: fit_segment_weights
   use dotyk_contact_polygon, only: contains_point
   use dotyk_contact_projection, only: project_point, projection_found, projection_t, master_surface_t
-  use dotyk_contact_segment_quadrature, only: append_points, max_degree, quadrature_rule_t, polygon_rule, &
-    rule_table_t, shape_degree
+  use dotyk_contact_segment_quadrature, only: append_points, fit_segment_weights, max_degree, polygon_rule, &
+    quadrature_rule_t, rule_table_t, shape_degree
   use dotyk_mesh_body_mesh, only: body_mesh_t
   use dotyk_mesh_element, only: element_kind, element_kind_t, element_tri3, kind_nodes
   use dotyk_mesh_surface, only: surface_t

@@ -10,7 +10,7 @@ module dotyk_contact_parallel_edges
   use dotyk_base_kinds, only: dp
   use dotyk_contact_adjacency, only: corner_of, edges_of_corner
   use dotyk_contact_edge_contacts, only: behind_edge, edge_reach, is_first_convex, is_inclined, min_crossing, on_edge
-  use dotyk_contact_false_overlap, only: is_false_overlap
+  use dotyk_contact_local_depth, only: is_false_overlap
   use dotyk_contact_point_contacts, only: min_exposure, point_contact_t, shallow
   use dotyk_contact_projection, only: master_surface_t
   use dotyk_contact_tree_search, only: box_neighbourhood_t, facets_in_region

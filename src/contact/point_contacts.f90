@@ -14,7 +14,7 @@ module dotyk_contact_point_contacts
   use dotyk_contact_adjacency, only: adjacency_t, corner_of, edges_of_corner
   use dotyk_contact_facet_corners, only: corner_coordinates, corner_position, edge_coordinates
   use dotyk_contact_facet_set, only: facet_position_and_normal, facet_set_t
-  use dotyk_contact_false_overlap, only: is_false_overlap
+  use dotyk_contact_local_depth, only: is_false_overlap
   use dotyk_contact_projection, only: master_surface_t, project_point, projection_found, projection_t
   use dotyk_mesh_facet, only: cross
   implicit none

@@ -4,8 +4,8 @@ module dotyk_contact_slave_points
   use dotyk_base_options, only: discretization_mortar, geometry_smooth, quadrature_segments
   use dotyk_contact_broad_phase, only: candidate_facets, facets_near_candidates
   use dotyk_contact_facet_set, only: facet_position_and_normal
-  use dotyk_contact_false_overlap, only: is_false_overlap
   use dotyk_contact_gap_interpolation, only: add_vertices, interpolate_gaps
+  use dotyk_contact_local_depth, only: is_false_overlap
   use dotyk_contact_mortar_segments, only: build_segment_rules
   use dotyk_contact_pair, only: contact_pair_t, pair_settings_t
   use dotyk_contact_projection, only: master_surface_t, project_point, projection_found, projection_not_facing, &

@@ -5,15 +5,14 @@ module dotyk_control_mesh_error
   use dotyk_base_kinds, only: dp, int64
   use dotyk_base_memory, only: allowance_t, memory_now, memory_t
   use dotyk_control_body_solution, only: body_solution_t, displacements_t
-  use dotyk_control_congruent_groups, only: congruent_group_t, congruent_groups, most_bodies
-  use dotyk_control_contact_problem, only: contact_problem_t
+  use dotyk_control_contact_problem, only: congruent_group_t, congruent_groups, contact_problem_t, most_bodies
   use dotyk_control_kept_estimates, only: kept_class_t, kept_estimates_t, most_of_memory
   use dotyk_control_residual_actions, only: collect_actions, join_actions
   use dotyk_elasticity_body, only: body_t
   use dotyk_elasticity_discretization_error, only: estimate_discretization_errors
-  use dotyk_elasticity_load_cases, only: take_case
-  use dotyk_elasticity_node_constants, only: thermal_dilatation
   use dotyk_elasticity_element_residual, only: residual_data_t
+  use dotyk_elasticity_load_cases, only: take_case
+  use dotyk_elasticity_nodal_stress, only: thermal_dilatation
   use dotyk_elasticity_residual_check, only: check_by_residuals
   use dotyk_ranks_communication, only: n_local_ranks
   implicit none

@@ -14,7 +14,7 @@ module dotyk_control_penetration_check
   use dotyk_control_body_solution, only: body_solution_t
   use dotyk_control_contact_problem, only: contact_problem_t
   use dotyk_control_couple_penetration, only: body_penetration_t, check_bodies, parts_t, split_parts
-  use dotyk_control_pairs_of_bodies, only: pairs_of_bodies_t
+  use dotyk_control_explained_penetration, only: pairs_of_bodies_t
   use dotyk_control_pressures, only: nodal_field_t
   use dotyk_elasticity_body, only: body_t
   use dotyk_mesh_body_mesh, only: body_mesh_t, connected_components

@@ -15,7 +15,7 @@ module dotyk_control_rounding
   use dotyk_control_refinement, only: penetrations
   use dotyk_elasticity_body, only: body_t, strain_energy
   use dotyk_elasticity_internal_force, only: body_force
-  use dotyk_ranks_exchange, only: share, share_errors
+  use dotyk_ranks_exchange, only: share_errors
   use dotyk_scheme_body_compliance, only: body_compliance_t
   use dotyk_scheme_contact_qp, only: contact_qp_t
   implicit none

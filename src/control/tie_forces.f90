@@ -4,7 +4,7 @@ module dotyk_control_tie_forces
   use dotyk_base_kinds, only: dp
   use dotyk_base_options, only: analysis_axisymmetric
   use dotyk_base_thresholds, only: half_digits
-  use dotyk_contact_pair_resultant, only: pair_resultant, pair_resultant_t
+  use dotyk_contact_pair, only: pair_resultant, pair_resultant_t
   use dotyk_control_contact_problem, only: contact_problem_t, first_mode
   use dotyk_scheme_solver_state, only: solver_state_t
   implicit none

@@ -16,10 +16,9 @@ module dotyk_log_summary
   use dotyk_input_case, only: output_input_t
   use dotyk_log_found_pairs, only: show_idle_bodies
   use dotyk_log_timing, only: duration
+  use dotyk_scheme_relaxation, only: factor_text
   use dotyk_scheme_solver_state, only: solver_state_t, ended_converged, ended_limit, ended_diverged, ended_cycling, &
-    ended_gaps, ended_interrupted, ended_penetration, ended_rotated, ended_solves, ended_unbalanced, &
-    ended_unverified
-  use dotyk_scheme_theorem_lines, only: factor_text
+    ended_gaps, ended_interrupted, ended_penetration, ended_rotated, ended_solves, ended_unbalanced, ended_unverified
   implicit none
   private
   public :: show_errors, show_outcome

@@ -2,9 +2,8 @@
 module dotyk_model_body_parts
   use dotyk_control_body_ranks, only: body_ranks_t
   use dotyk_control_congruence_classes, only: congruence_classes_t
-  use dotyk_elasticity_body, only: body_t
+  use dotyk_elasticity_body, only: body_t, hold_surface
   use dotyk_elasticity_body_modes, only: body_modes_t
-  use dotyk_elasticity_held_body, only: hold_surface
   use dotyk_mesh_held_part, only: held_surface, surface_part
   use dotyk_model_body_surfaces, only: body_surfaces_t
   use dotyk_ranks_communication, only: n_ranks

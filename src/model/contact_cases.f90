@@ -7,7 +7,7 @@ module dotyk_model_contact_cases
   use dotyk_base_options, only: analysis_axisymmetric, gap_constant, gap_formula, theta_formula, theta_mesh, &
     theta_relative
   use dotyk_base_text, only: matches, quoted, to_text
-  use dotyk_contact_pair, only: contact_pair_t, pair_settings_t
+  use dotyk_contact_pair, only: pair_settings_t
   use dotyk_contact_pair_discretization, only: set_given_gap
   use dotyk_contact_pair_rows, only: row_gaps
   use dotyk_control_contact_problem, only: contact_problem_t

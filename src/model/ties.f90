@@ -5,9 +5,8 @@ module dotyk_model_ties
   use dotyk_base_options, only: analysis_axisymmetric
   use dotyk_base_rotation, only: rotation_matrix
   use dotyk_base_text, only: quoted, to_text
-  use dotyk_contact_matching_tie, only: discretize_matching_tie
   use dotyk_contact_pair, only: contact_pair_t, pair_settings_t
-  use dotyk_contact_tie, only: discretize_tie, facet_size
+  use dotyk_contact_tie, only: discretize_matching_tie, discretize_tie, facet_size
   use dotyk_control_contact_problem, only: tied_surfaces_t
   use dotyk_elasticity_body, only: body_t
   use dotyk_elasticity_recovery_patch, only: diagonalize

@@ -12,8 +12,7 @@ module dotyk_response_body_grid
   use dotyk_linalg_conjugate_gradient, only: cg_outcome_t, conjugate_gradient, preconditioned_system_t
   use dotyk_linalg_fixed_sum, only: remove_components, scalar_product
   use dotyk_linalg_sparse, only: sparse_rows_t, sparse_symmetric_t
-  use dotyk_response_aggregate_space, only: aggregate_space_t
-  use dotyk_response_free_unknowns, only: to_equations, to_unknowns
+  use dotyk_response_aggregate_space, only: aggregate_space_t, to_equations, to_unknowns
   implicit none
   private
 

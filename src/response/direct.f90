@@ -5,22 +5,39 @@
 !>
 !> A body with rigid body modes R is factorized with springs on a few unknowns (`dotyk_linalg_springs`), K_s;
 !> then `K^+ = P K_s^{-1} P`, `P = I - R R^T`.
+!>
+!> With modes R, K_s the regularized stiffness and `Z = K_s^{-1} R`, `K^+ = K_s^{-1} - Z R^T - R Z^T + R (R^T Z) R^T`:
+!> rows of B need their products with R and Z beside L^{-1} B^T.
 module dotyk_response_direct
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
   use dotyk_elasticity_body, only: body_t, stiffness_t
   use dotyk_elasticity_body_modes, only: body_modes_t
   use dotyk_elasticity_node_graph, only: fill_reducing_order
+  use dotyk_linalg_blas, only: transposed_product
   use dotyk_linalg_cholesky, only: cholesky_t
+  use dotyk_linalg_forward_substitution, only: elimination_tree_t, forward_product
   use dotyk_linalg_ordering, only: expand_permutation
   use dotyk_linalg_sparse, only: sparse_rows_t
   use dotyk_linalg_springs, only: choose_fixing_equations
-  use dotyk_response_mode_projection, only: remove_modes
   use dotyk_response_response, only: response_t, substituted_rows_t
   use dotyk_response_stiffness_factor, only: factorization_report_t, factorize_stiffness
-  use dotyk_response_substitution, only: substitution_t
   implicit none
   private
+  public :: remove_modes
+
+  type :: substitution_t  !! What forward substitutions need beside the factor.
+    !> Elimination tree of the factor; not allocated before it is needed.
+    type(elimination_tree_t), allocatable, private :: tree
+    !> Z (n_equations, n_modes) and R^T Z (n_modes, n_modes) [length/force].
+    real(dp), allocatable, private :: regularized(:, :), product_of_modes(:, :)
+  contains
+    procedure :: init => substitution_init
+    procedure :: path_entries => substitution_path_entries
+    procedure :: substitute => substitution_substitute
+    procedure :: product => substitution_product
+    procedure :: destroy => substitution_destroy
+  end type substitution_t
 
   !> Compliance operator by triangular solves. It owns a factor: never copy it, destroy it in the end.
   type, extends(response_t), public :: direct_response_t
@@ -145,4 +162,85 @@ contains
     if (allocated(self%mode)) deallocate (self%mode)
     if (allocated(self%fixing_equation)) deallocate (self%fixing_equation)
   end subroutine direct_destroy
+
+  !> Make ready; nothing is done where it is ready already.
+  subroutine substitution_init(self, factor, mode)
+    class(substitution_t), intent(inout) :: self
+    type(cholesky_t), intent(in) :: factor  !! Factorized.
+    real(dp), intent(in) :: mode(:, :)  !! Rigid body modes (n_equations, n_modes) [].
+    if (allocated(self%regularized)) return
+    call find_tree(self, factor)
+    ! The tree may be from before the factorization.
+    call factor%supernodes(self%tree%list)
+    allocate (self%regularized, source=mode)
+    call factor%solve_block(self%regularized)
+    allocate (self%product_of_modes(size(mode, 2), size(mode, 2)))
+    call transposed_product(mode, self%regularized, self%product_of_modes)
+  end subroutine substitution_init
+
+  !> The elimination tree.
+  subroutine find_tree(self, factor)
+    type(substitution_t), intent(inout) :: self  !! Gets the elimination tree, unless it has it.
+    type(cholesky_t), intent(in) :: factor  !! Analysed.
+    if (allocated(self%tree)) return
+    allocate (self%tree)
+    call self%tree%init(factor)
+  end subroutine find_tree
+
+  !> Entries of the factor from an equation to the root of the elimination tree, on average over some equations.
+  real(dp) function substitution_path_entries(self, factor, equation) result(entries)
+    class(substitution_t), intent(inout) :: self
+    type(cholesky_t), intent(in) :: factor  !! Analysed.
+    integer, intent(in) :: equation(:)  !! Where the paths begin (n).
+    call find_tree(self, factor)
+    entries = self%tree%path_entries(equation)
+  end function substitution_path_entries
+
+  !> Forward substitution of rows.
+  subroutine substitution_substitute(self, rows, mode, substituted)
+    class(substitution_t), intent(in) :: self
+    type(sparse_rows_t), intent(in) :: rows  !! Rows over the equations.
+    real(dp), intent(in) :: mode(:, :)  !! As in `init` (n_equations, n_modes) [].
+    type(substituted_rows_t), intent(inout) :: substituted  !! L^{-1} of them, and their products with R and Z.
+    integer :: k
+    call substituted%forward%init(self%tree, rows)
+    allocate (substituted%along(rows%n_rows, size(mode, 2)), substituted%regularized(rows%n_rows, size(mode, 2)))
+    do k = 1, size(mode, 2)
+      call rows%multiply(mode(:, k), substituted%along(:, k))
+      call rows%multiply(self%regularized(:, k), substituted%regularized(:, k))
+    end do
+  end subroutine substitution_substitute
+
+  !> c_ij = a_i K^+ b_j.
+  subroutine substitution_product(self, a, b, same, c)
+    class(substitution_t), intent(in) :: self
+    type(substituted_rows_t), intent(in) :: a, b  !! Rows of the two sides.
+    logical, intent(in) :: same  !! Whether a and b are the same rows.
+    real(dp), intent(out) :: c(:, :)  !! Entries between the rows (a%forward%n, b%forward%n) [length/force].
+    call forward_product(self%tree, a%forward, b%forward, same, c)
+    if (size(a%along, 2) == 0) return
+    c = c - matmul(a%regularized, transpose(b%along)) - matmul(a%along, transpose(b%regularized)) + &
+      matmul(matmul(a%along, self%product_of_modes), transpose(b%along))
+  end subroutine substitution_product
+
+  !> Give back all memory.
+  subroutine substitution_destroy(self)
+    class(substitution_t), intent(inout) :: self
+    if (allocated(self%tree)) deallocate (self%tree)
+    if (allocated(self%regularized)) deallocate (self%regularized, self%product_of_modes)
+  end subroutine substitution_destroy
+
+  !> x := P x.
+  pure subroutine remove_modes(mode, x)
+    real(dp), intent(in) :: mode(:, :)  !! Orthonormal modes over the equations (n_equations, n_modes) [].
+    real(dp), intent(inout) :: x(:)  !! A force or a displacement (n_equations) [force or length].
+    real(dp) :: amplitude(size(mode, 2))
+    integer :: k
+    do k = 1, size(mode, 2)
+      amplitude(k) = dot_product(mode(:, k), x)
+    end do
+    do k = 1, size(mode, 2)
+      x = x - amplitude(k)*mode(:, k)
+    end do
+  end subroutine remove_modes
 end module dotyk_response_direct

@@ -17,11 +17,10 @@ module dotyk_scheme_active_set
   use dotyk_base_timer, only: wall_time
   use dotyk_scheme_active_system, only: active_system_t
   use dotyk_scheme_bounds, only: duality_gap
-  use dotyk_scheme_compliance, only: compliance_t
+  use dotyk_scheme_compliance, only: compliance_t, drop_rigid_constraints
   use dotyk_scheme_contact_qp, only: contact_qp_t
   use dotyk_scheme_interior_point, only: interior_point_method
   use dotyk_scheme_monitor, only: monitor_t
-  use dotyk_scheme_rigid_constraints, only: drop_rigid_constraints
   use dotyk_scheme_solver_state, only: solver_state_t, ended_converged, ended_cycling, ended_interrupted, ended_limit, &
     ended_rigid_constraint
   use dotyk_scheme_winkler_start, only: winkler_equilibrium

@@ -4,9 +4,8 @@ module dotyk_scheme_closed_ties
   use dotyk_base_kinds, only: dp
   use dotyk_base_thresholds, only: half_digits, rounding
   use dotyk_scheme_active_system, only: active_system_t
-  use dotyk_scheme_compliance, only: compliance_t
+  use dotyk_scheme_compliance, only: compliance_t, drop_rigid_constraints
   use dotyk_scheme_contact_qp, only: contact_qp_t
-  use dotyk_scheme_rigid_constraints, only: drop_rigid_constraints
   use dotyk_scheme_solver_state, only: solver_state_t, ended_open_tie, ended_rigid_constraint
   implicit none
   private

@@ -11,7 +11,7 @@ module dotyk_scheme_primal
   use dotyk_base_kinds, only: dp
   use dotyk_base_text, only: to_text
   use dotyk_base_thresholds, only: rounding
-  use dotyk_linalg_sparse, only: sparse_rows_t, sparse_symmetric_t
+  use dotyk_linalg_sparse, only: sparse_symmetric_t
   use dotyk_response_body_grid, only: body_grid_t
   use dotyk_scheme_body_compliance, only: body_compliance_t
   use dotyk_scheme_compliance, only: compliance_t

@@ -14,17 +14,17 @@ module dotyk_scheme_primal_solution
   use dotyk_scheme_bounds, only: duality_gap
   use dotyk_scheme_coarse_space, only: coarse_space_t
   use dotyk_scheme_contact_qp, only: contact_qp_t
-  use dotyk_scheme_equilibrium_check, only: check_equilibrium, clear
   use dotyk_scheme_gap_closing, only: left_open
   use dotyk_scheme_monitor, only: monitor_t
   use dotyk_scheme_proximal_active_set, only: proximal_outcome_t, solve_proximal
   use dotyk_scheme_proximal_motion, only: proximal_motion_t
   use dotyk_scheme_proximal_system, only: proximal_system_t
   use dotyk_scheme_restriction, only: restrict_qp
-  use dotyk_scheme_solver_state, only: solver_state_t, ended_converged, ended_costly, ended_interrupted, &
-    ended_limit, ended_no_equilibrium, ended_rigid_constraint, ended_solves, ended_stalled, ended_unbalanced
+  use dotyk_scheme_solver_state, only: solver_state_t, ended_converged, ended_costly, ended_interrupted, ended_limit, &
+    ended_no_equilibrium, ended_rigid_constraint, ended_solves, ended_stalled, ended_unbalanced
   use dotyk_scheme_stopping, only: solver_settings_t
   use dotyk_scheme_undetermined_motion, only: find_undetermined
+  use dotyk_scheme_winkler_start, only: check_equilibrium, clear
   use dotyk_scheme_working_set, only: near_violation, screen_rows
   implicit none
   private

@@ -7,13 +7,12 @@ module dotyk_scheme_stopping
     default_tolerance, stop_increment, stop_paper
   use dotyk_base_thresholds, only: half_digits
   use dotyk_base_timer, only: wall_time
-  use dotyk_scheme_bounds, only: duality_gap
   use dotyk_ranks_exchange, only: on_any_rank
+  use dotyk_scheme_bounds, only: duality_gap
   use dotyk_scheme_contact_qp, only: contact_qp_t
-  use dotyk_scheme_history, only: history_t
   use dotyk_scheme_monitor, only: monitor_t
-  use dotyk_scheme_solver_state, only: paused_t, solver_state_t, ended_converged, ended_limit, ended_diverged, &
-    ended_interrupted, ended_stalled, ended_time
+  use dotyk_scheme_solver_state, only: ended_converged, ended_diverged, ended_interrupted, ended_limit, ended_stalled, &
+    ended_time, history_t, paused_t, solver_state_t
   implicit none
   private
 

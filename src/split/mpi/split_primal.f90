@@ -5,20 +5,19 @@ module dotyk_split_split_primal
   use dotyk_base_interrupt, only: interrupted
   use dotyk_base_kinds, only: dp
   use dotyk_base_text, only: to_text
-  use dotyk_control_split_costs, only: iterations_per_step
+  use dotyk_control_response_choice, only: iterations_per_step
   use dotyk_ranks_exchange, only: meet
   use dotyk_scheme_body_compliance, only: body_compliance_t
   use dotyk_scheme_compliance, only: compliance_t
   use dotyk_scheme_contact_qp, only: contact_qp_t
   use dotyk_scheme_dual, only: dual_t
-  use dotyk_scheme_equilibrium_check, only: clear
   use dotyk_scheme_monitor, only: monitor_t
   use dotyk_scheme_primal_solution, only: solve_by_displacements
   use dotyk_scheme_proximal_active_set, only: proximal_outcome_t
   use dotyk_scheme_scheme, only: scheme_t
-  use dotyk_scheme_solver_state, only: solver_state_t, ended_converged, ended_costly, ended_interrupted, &
-    ended_solves
+  use dotyk_scheme_solver_state, only: solver_state_t, ended_converged, ended_costly, ended_interrupted, ended_solves
   use dotyk_scheme_stopping, only: solver_settings_t
+  use dotyk_scheme_winkler_start, only: clear
   use dotyk_split_split_bodies, only: split_bodies_t
   implicit none
   private
