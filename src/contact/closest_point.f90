@@ -6,6 +6,7 @@
 !> point.
 module dotyk_contact_closest_point
   use dotyk_base_kinds, only: dp
+  use dotyk_base_thresholds, only: rounding, same_number
   use dotyk_contact_facet_polynomial, only: evaluate_facet
   use dotyk_contact_facet_set, only: facet_set_t
   implicit none
@@ -15,8 +16,6 @@ module dotyk_contact_closest_point
   !> A curve is straight where the square of its quadratic coefficient, relative to that of the linear one, is
   !> round-off.
   real(dp), parameter :: straight_round_off = 1.0e-29_dp
-  !> Margin of the lower bound of the distance, relative to the length of the curve and to the distance.
-  real(dp), parameter :: round_off = 1.0e-9_dp
   !> Newton steps, safeguarded by bisection; the method needs 3 to 6, bisection alone 60.
   integer, parameter :: max_steps = 100
 
@@ -26,10 +25,6 @@ module dotyk_contact_closest_point
   !> The Hessian is positive definite enough for Newton's step where its determinant exceeds this fraction of the
   !> determinant of J^T J; otherwise Gauss-Newton's step is taken.
   real(dp), parameter :: min_determinant = 1.0e-3_dp
-  !> A step along which the reference domain ends within this fraction of its length has no length.
-  real(dp), parameter :: no_step = 1.0e-12_dp
-  !> A full Newton step below this, in reference coordinates, is the last: it converges quadratically.
-  real(dp), parameter :: converged_step = 1.0e-9_dp
   !> More starts on facets that are not convex: corners of a square of this half width around the centre of a
   !> quadrilateral and of a triangle, and a point near the corner 1 of a triangle, where that square would leave it.
   real(dp), parameter :: quadrilateral_start = 0.6_dp, triangle_start = 0.15_dp, corner_start = 0.1_dp
@@ -164,10 +159,10 @@ contains
       if (longest < 1) then
         n_clipped = n_clipped + 1
         if (n_clipped > max_clipped) return
-        if (longest < no_step) then
+        if (longest < rounding) then
           s = -g/(a0 + d0)
           longest = longest_step(corners, xi, s)
-          if (longest < no_step) return
+          if (longest < rounding) return
         end if
       end if
       fraction = min(1.0_dp, longest)
@@ -183,7 +178,7 @@ contains
       xi = trial
       square = value
       if (affine) return
-      if (fraction >= 1 .and. maxval(abs(s)) < converged_step) then
+      if (fraction >= 1 .and. maxval(abs(s)) < same_number) then
         inside = .true.
         return
       end if
@@ -368,8 +363,8 @@ contains
     length = dot_product(along, along)
     t = 0
     if (length > 0) t = max(0.0_dp, min(1.0_dp, -dot_product(first, along)/length))
-    distance = max(0.0_dp, norm2(first + t*along) - height - round_off*sqrt(length))
-    beyond = (1 - round_off)*distance**2 > square
+    distance = max(0.0_dp, norm2(first + t*along) - height - same_number*sqrt(length))
+    beyond = (1 - same_number)*distance**2 > square
   end function is_beyond
 
   !> Value of a cubic polynomial [length^2].

@@ -9,6 +9,7 @@
 !> control points of the facet and with them the facet.
 module dotyk_contact_facet_set
   use dotyk_base_kinds, only: dp
+  use dotyk_base_thresholds, only: rounding, same_number
   use dotyk_contact_facet_polynomial, only: bounding_box, control_points, convexity, evaluate_facet, max_controls, &
     normal_cone
   use dotyk_mesh_element, only: element_kind, element_kind_t, max_element_nodes, n_element_kinds, shape_functions
@@ -27,10 +28,6 @@ module dotyk_contact_facet_set
     procedure :: init => hull_init
     procedure :: is_beyond => hull_is_beyond
   end type facet_hull_t
-
-  !> Margin for round-off of the control points, relative to the size of the facet.
-  real(dp), parameter :: margin = 1.0e-12_dp
-  real(dp), parameter :: square_margin = 1.0e-9_dp  !! Margin for round-off of squared distances, relative to them.
 
   type, public :: facet_set_t  !! Facets of one surface.
     integer :: n = 0  !! Number of facets.
@@ -221,8 +218,8 @@ contains
     integer :: k, n
     call control_points(corners, c, n, control)
     self%normal = normal
-    self%low = minval(matmul(normal, control(:, :n))) - margin*size
-    self%high = maxval(matmul(normal, control(:, :n))) + margin*size
+    self%low = minval(matmul(normal, control(:, :n))) - rounding*size
+    self%high = maxval(matmul(normal, control(:, :n))) + rounding*size
     self%n_sides = corners
     select case (corners)
     case (2)
@@ -241,7 +238,7 @@ contains
       end do
     end if
     do k = 1, corners
-      self%limit(k) = maxval(matmul(self%side(:, k), control(:, :n))) + margin*size
+      self%limit(k) = maxval(matmul(self%side(:, k), control(:, :n))) + rounding*size
     end do
   end subroutine hull_init
 
@@ -258,6 +255,6 @@ contains
     do k = 1, self%n_sides
       beside = max(beside, dot_product(self%side(:, k), x) - self%limit(k))
     end do
-    beyond = (1 - square_margin)*(above**2 + beside**2) > square
+    beyond = (1 - same_number)*(above**2 + beside**2) > square
   end function hull_is_beyond
 end module dotyk_contact_facet_set

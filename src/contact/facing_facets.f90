@@ -1,6 +1,7 @@
 !> Whether two boundary facets of different bodies may come into contact: geometry of single facets.
 module dotyk_contact_facing_facets
   use dotyk_base_kinds, only: dp
+  use dotyk_base_thresholds, only: same_number
   use dotyk_contact_body_faces, only: body_faces_t
   use dotyk_contact_facet_distance, only: polygon_distance, polygons_overlap
   implicit none
@@ -14,7 +15,6 @@ module dotyk_contact_facing_facets
   real(dp), parameter :: facing_limit = -0.1_dp
   !> Greatest initial overlap, as a fraction of the diameter of the smaller body [].
   real(dp), parameter, public :: greatest_overlap = 0.05_dp
-  real(dp), parameter :: round_off = 1.0e-9_dp  !! Overlaps below this fraction of the diameter are contact [].
 contains
 
   !> Search distance of two bodies [length].
@@ -58,7 +58,7 @@ contains
     toward = toward/norm2(toward)
     meets = .true.
     depth = dot_product(at_f - at_g, toward)
-    if (depth > a%bulge(f) + b%bulge(g) + round_off*(a%diameter + b%diameter)) then
+    if (depth > a%bulge(f) + b%bulge(g) + same_number*(a%diameter + b%diameter)) then
       distance = -distance
       meets = depth <= overlap
       if (meets) then

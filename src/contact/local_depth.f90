@@ -8,6 +8,7 @@
 !> Overlaps that are none are projections on the wrong side of a body.
 module dotyk_contact_local_depth
   use dotyk_base_kinds, only: dp
+  use dotyk_base_thresholds, only: same_place
   use dotyk_contact_bounding_volume_tree, only: bounding_volume_tree_t
   use dotyk_contact_closest_point, only: closest_point_on_facet
   use dotyk_contact_facet_set, only: facet_position_and_normal, facet_set_t
@@ -19,14 +20,15 @@ module dotyk_contact_local_depth
   private
   public :: find_depths, leaves_body, is_false_overlap
 
-  real(dp), parameter :: start = 1.0e-6_dp  !! A ray begins at this distance behind the facet, relative to its size.
   !> A ray meets a facet where it comes closer to it than this, relative to the size of that facet.
   real(dp), parameter :: hit_tolerance = 0.05_dp
   !> A ray leaves the body where the cosine of its angle with the normal exceeds this.
   real(dp), parameter :: min_exit_cosine = 0.1_dp
   !> Ends of the way from a surface point into the body that do not count, relative to its length. Beside an edge the
   !> way may leave the body soon after it began.
-  real(dp), parameter :: first_margin = 1.0e-6_dp, last_margin = 0.05_dp
+  real(dp), parameter :: last_margin = 0.05_dp
+  !> Overlaps shallower than this fraction of the size of the facet behind the point are not examined.
+  real(dp), parameter, public :: shallow = 1.0e-3_dp
   integer, parameter :: n_steps = 4  !! Steps to the intersection of a ray with a curved facet.
   !> A point lies as deep in a body as its boundary is near: a projection this many times farther away is another side.
   real(dp), parameter :: most_ratio = 3
@@ -73,7 +75,7 @@ contains
     xi = merge(1/3.0_dp, 0.0_dp, set%corners(f) == 3)
     call facet_position_and_normal(set, f, xi, centre, normal, xu, xv)
     depth = huge(depth)
-    if (norm2(normal) > 0) depth = first_exit(tree, set, centre, -normal, start*set%size(f), limit)
+    if (norm2(normal) > 0) depth = first_exit(tree, set, centre, -normal, same_place*set%size(f), limit)
   end function depth_behind
 
   !> Whether the straight way from one point to another leaves the body of a surface in between.
@@ -86,7 +88,7 @@ contains
     length = norm2(to - from)
     leaves_body = .false.
     if (.not. length > 0) return
-    leaves_body = first_exit(tree, set, from, (to - from)/length, first_margin*length, (1 - last_margin)*length) < &
+    leaves_body = first_exit(tree, set, from, (to - from)/length, same_place*length, (1 - last_margin)*length) < &
       (1 - last_margin)*length
   end function leaves_body
 

@@ -17,6 +17,7 @@ module dotyk_contact_pair_discretization
   use dotyk_base_magnitude, only: is_too_large, size_rule
   use dotyk_base_options, only: discretization_mortar, gap_constant, gap_formula
   use dotyk_base_text, only: quoted, to_text
+  use dotyk_base_thresholds, only: rounding
   use dotyk_contact_edge_contacts, only: find_edge_contacts
   use dotyk_contact_gap_interpolation, only: interpolate_formula
   use dotyk_contact_local_depth, only: find_depths
@@ -40,7 +41,6 @@ module dotyk_contact_pair_discretization
   !> Rings of facets around those near the slave: normals of smooth surfaces come from four, and what is flat there is
   !> known from one more.
   integer, parameter :: n_rings = 6
-  real(dp), parameter :: same_normal = 1.0e-12_dp  !! Normals that differ by less are the same [].
 
 contains
 
@@ -320,7 +320,7 @@ contains
         if (.not. norm2(normal) > 0) return
         normal = normal/norm2(normal)
         if (f == 1 .and. c == 3) first = normal
-        if (maxval(abs(normal - first)) > same_normal) return
+        if (maxval(abs(normal - first)) > rounding) return
       end do
     end do
     is_plane = .true.

@@ -8,6 +8,7 @@
 module dotyk_contact_pair_rows
   use dotyk_base_kinds, only: dp
   use dotyk_base_options, only: discretization_quadrature
+  use dotyk_base_thresholds, only: pi
   use dotyk_contact_corner_interpolation, only: corner_interpolation_t
   use dotyk_contact_dual_mortar, only: dual_mortar_rows
   use dotyk_contact_pair, only: contact_pair_t
@@ -22,7 +23,6 @@ module dotyk_contact_pair_rows
   private
   public :: replace_points, row_gaps, set_rows, choose_origin, shift_origin
 
-  real(dp), parameter :: pi = acos(-1.0_dp)
   !> A surface is far from the origin where its distance exceeds this multiple of its size.
   real(dp), parameter :: far_ratio = 16
 

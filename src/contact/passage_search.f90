@@ -6,6 +6,7 @@
 !> round.
 module dotyk_contact_passage_search
   use dotyk_base_kinds, only: dp
+  use dotyk_base_thresholds, only: pi, same_place
   use dotyk_contact_bounding_volume_tree, only: bounding_volume_tree_t
   use dotyk_contact_facet_set, only: facet_set_t
   use dotyk_contact_solid_boundary, only: solid_t
@@ -32,7 +33,6 @@ module dotyk_contact_passage_search
   end type passage_t
 
   integer, parameter :: n_steps = 4  !! Steps of the search for the time of a crossing.
-  real(dp), parameter :: border = 1.0e-6_dp  !! Margin of the borders of a triangle, in its coordinates [].
   integer, parameter, public :: max_parts = 6  !! Greatest number of parts of a facet.
 
   integer, parameter :: lines(2, 2) = reshape([1, 3, 3, 2], [2, 2])  !! Parts by local nodes, of facets of second order.
@@ -56,7 +56,7 @@ contains
     allocate (bounds%lo(3, n), bounds%hi(3, n), bounds%axis(3, n), bounds%half_angle(n))
     bounds%axis = 0
     bounds%axis(3, :) = 1
-    bounds%half_angle = acos(-1.0_dp)
+    bounds%half_angle = pi
     do f = 1, n
       ! Boxes of deformed facets, and the nodes before deformation with the bulge of their facets.
       bounds%lo(:, f) = b%set%lo(:, f) - self%shift
@@ -178,7 +178,7 @@ contains
         if (.not. first > 0) exit
       end do
       value = distance_at(before, after, trial, inside)
-      if (inside >= -border) time = trial
+      if (inside >= -same_place) time = trial
     end subroutine cross_moving
   end subroutine find_passage
 

@@ -5,21 +5,20 @@
 module dotyk_contact_penetration_search
   use dotyk_base_kinds, only: dp
   use dotyk_base_sort, only: sort_order
+  use dotyk_base_thresholds, only: same_number
   use dotyk_contact_met_points, only: inside_point_t
   use dotyk_contact_passage_search, only: facet_parts, find_passage, max_parts, part_corners, passage_t, &
     place_at_part, swept_facets_t
-  use dotyk_contact_penetration_tolerance, only: penetration_t, penetration_tolerance_t, same_depth
+  use dotyk_contact_penetration_tolerance, only: penetration_t, penetration_tolerance_t
   use dotyk_contact_solid_boundary, only: solid_t
   use dotyk_contact_tree_search, only: box_neighbourhood_t, tree_walk_t
   use dotyk_mesh_element, only: kind_nodes
-  use dotyk_ranks_division, only: division_t
+  use dotyk_ranks_division, only: distant_cost, division_t
   implicit none
   private
   public :: find_penetration, find_passages
 
   integer, parameter :: max_crossings = 32  !! Crossings of one segment that are kept.
-
-  real(dp), parameter :: border = 1.0e-9_dp  !! Margin of the borders of a triangle, in its coordinates [].
 
   !> Points along the part of an edge that is inside, the middle first [], and steps of the search for the deepest one.
   real(dp), parameter :: sample(3) = [0.5_dp, 0.25_dp, 0.75_dp]
@@ -28,8 +27,6 @@ module dotyk_contact_penetration_search
   integer, parameter :: chunk = 256, least_shared = 1024
   !> Numbers of a segment that is found, and segments that there is room for at first.
   integer, parameter :: segment_length = 8, first_room = 64
-  !> Work for a node or facet far from the other part, relative to that for a near one [].
-  real(dp), parameter :: distant_cost = 0.02_dp
   real(dp), parameter :: golden = 0.381966011250105_dp  !! Golden section.
 
 contains
@@ -86,7 +83,7 @@ contains
       if (.not. depth(i) > 0) cycle
       worst%n_nodes = worst%n_nodes + 1
       inside = [inside, inside_point_t(a%around(a%first(i)), [i, i], 0, a%x(:, i))]
-      if (depth(i) <= (1 + same_depth)*worst%depth) cycle
+      if (depth(i) <= (1 + same_number)*worst%depth) cycle
       worst%depth = depth(i)
       worst%position = a%x(:, i)
     end do
@@ -155,7 +152,7 @@ contains
       depth(i) = -depth(i)
       worst%n_passed = worst%n_passed + 1
       if (entered(i) > 0) inside = [inside, inside_point_t(a%around(a%first(i)), [i, i], entered(i), a%x(:, i))]
-      if (depth(i) <= (1 + same_depth)*worst%depth) cycle
+      if (depth(i) <= (1 + same_number)*worst%depth) cycle
       worst%depth = depth(i)
       worst%position = a%x(:, i)
     end do
@@ -407,7 +404,7 @@ contains
           depth(nodes) = max(depth(nodes), segment(5))
           inside = [inside, inside_point_t(nint(segment(1)), nodes, 0, segment(6:8), nint(segment(2)))]
         end if
-        if (segment(5) > (1 + same_depth)*worst%depth) then
+        if (segment(5) > (1 + same_number)*worst%depth) then
           worst%depth = segment(5)
           worst%position = segment(6:8)
         end if
@@ -448,7 +445,7 @@ contains
         if (first*second > 0 .or. max(abs(first), abs(second)) <= slack + b%roughness(f)) cycle
         at = first/(first - second)
         call place_at_part(corner, start + at*(finish - start), second, inside)
-        if (inside >= -border) call keep(at, first > 0)
+        if (inside >= -same_number) call keep(at, first > 0)
       end do
     end do
 

@@ -16,9 +16,10 @@
 module dotyk_contact_penetration_tolerance
   use dotyk_base_kinds, only: dp
   use dotyk_base_parcel, only: parcel_t
+  use dotyk_base_thresholds, only: facing, same_number, same_place
   use dotyk_contact_closest_point, only: closest_point_on_facet
   use dotyk_contact_facet_set, only: facet_position_and_normal
-  use dotyk_contact_solid_boundary, only: facing_cosine, solid_t
+  use dotyk_contact_solid_boundary, only: solid_t
   use dotyk_mesh_element, only: kind_nodes
   implicit none
   private
@@ -37,8 +38,6 @@ module dotyk_contact_penetration_tolerance
     procedure :: outweighs => penetration_outweighs
     procedure :: carry => penetration_carry
   end type penetration_t
-
-  real(dp), parameter, public :: same_depth = 1.0e-9_dp  !! Depths that differ by less, relative to them, are the same.
 
   type, public :: left_by_pairs_t  !! What contact pairs leave at the nodes of a part.
     real(dp), allocatable :: depth(:)  !! By penalty, given gaps and uncertain displacements (n_nodes) [length].
@@ -60,8 +59,6 @@ module dotyk_contact_penetration_tolerance
     procedure :: judge => tolerance_judge
     procedure :: find_allowed => tolerance_find_allowed
   end type penetration_tolerance_t
-
-  real(dp), parameter :: same = 1.0e-6_dp  !! Distances that differ by less are equal [].
 
 contains
 
@@ -92,7 +89,7 @@ contains
     real(dp), intent(inout) :: depth  !! Depth; 0 on return if it is allowed [length].
     real(dp), intent(out) :: between  !! The depth where only bending between rows allows it, or 0 [length].
     real(dp) :: allowed, left, certain, below, there(2)
-    integer :: facing
+    integer :: side
     between = 0
     if (depth > self%slack) then
       call self%find_allowed(a, nodes, b, facet, xi, x, displacement, allowed, left, certain)
@@ -100,9 +97,9 @@ contains
         if (depth > certain) between = depth
       else
         ! Near the side of b, that is not what the point came through.
-        call b%depth_beside_flush(x, a, nodes, .true., 2*max(allowed, b%set%size(facet)), below, facing, there)
-        if (facing == 0) below = -1
-        if (.not. below < 0) call self%find_allowed(a, nodes, b, facing, there, x, displacement, allowed, left, certain)
+        call b%depth_beside_flush(x, a, nodes, .true., 2*max(allowed, b%set%size(facet)), below, side, there)
+        if (side == 0) below = -1
+        if (.not. below < 0) call self%find_allowed(a, nodes, b, side, there, x, displacement, allowed, left, certain)
         if (below < 0 .or. below > allowed) then
           if (.not. is_allowed_beside()) return
         else if (below > certain) then
@@ -127,10 +124,10 @@ contains
           do k = b%adjacency%start(v), b%adjacency%start(v + 1) - 1
             g = b%adjacency%facet(k)
             if (g == facet) cycle
-            if (minval(matmul(normals, b%normal(:, g))) > facing_cosine) cycle
+            if (minval(matmul(normals, b%normal(:, g))) > facing) cycle
             call closest_point_on_facet(b%set, g, x, at, square)
             ! A nearer one is flush with the first part, such as that on a plane of symmetry.
-            if (sqrt(square) < (1 - same)*depth) cycle
+            if (sqrt(square) < (1 - same_place)*depth) cycle
             call self%find_allowed(a, nodes, b, g, at, x, displacement, of_facet, of_pairs, at_rest)
             is_allowed_beside = is_allowed_beside .or. sqrt(square) <= of_facet
           end do
@@ -152,7 +149,7 @@ contains
     real(dp), intent(out) :: allowed  !! Depth [length].
     real(dp), intent(out) :: left  !! The part of it by penalty and given gaps [length].
     real(dp), intent(out) :: certain  !! The part that is not the bending of facets between rows [length].
-    real(dp) :: position(3), d(3), xu(3), xv(3), slip, turn, curvature, uncertainty, width, facing, tilt
+    real(dp) :: position(3), d(3), xu(3), xv(3), slip, turn, curvature, uncertainty, width, cosine, tilt
     integer, allocatable :: around(:), shared(:)
     integer :: i, k, vertex
     logical :: is_averaged, is_linear
@@ -183,13 +180,13 @@ contains
     end if
     if (.not. width > 0) return
     ! Facets of the two that face each other best, and how they turn against each other.
-    facing = 0
+    cosine = 0
     tilt = 0
     do k = 1, size(shared)
       do i = 1, size(around)
         associate (p => around(i), q => shared(k))
-          if (dot_product(a%normal(:, p), b%normal(:, q)) > facing) cycle
-          facing = dot_product(a%normal(:, p), b%normal(:, q))
+          if (dot_product(a%normal(:, p), b%normal(:, q)) > cosine) cycle
+          cosine = dot_product(a%normal(:, p), b%normal(:, q))
           tilt = norm2(a%normal(:, p) - a%normal0(:, p) + b%normal(:, q) - b%normal0(:, q))
         end associate
       end do
@@ -226,11 +223,11 @@ contains
     self%n_nodes = self%n_nodes + other%n_nodes
     self%n_edges = self%n_edges + other%n_edges
     self%n_passed = self%n_passed + other%n_passed
-    if (other%between_rows > (1 + same_depth)*self%between_rows) then
+    if (other%between_rows > (1 + same_number)*self%between_rows) then
       self%between_rows = other%between_rows
       self%between_at = other%between_at
     end if
-    if (.not. other%depth > (1 + same_depth)*self%depth) return
+    if (.not. other%depth > (1 + same_number)*self%depth) return
     self%depth = other%depth
     self%position = other%position
   end subroutine penetration_add
@@ -239,8 +236,8 @@ contains
   pure logical function penetration_outweighs(self, other) result(outweighs)
     class(penetration_t), intent(in) :: self
     class(penetration_t), intent(in) :: other  !! The other one.
-    outweighs = self%depth > (1 + same_depth)*other%depth
-    if (outweighs .or. self%depth < (1 - same_depth)*other%depth) return
+    outweighs = self%depth > (1 + same_number)*other%depth
+    if (outweighs .or. self%depth < (1 - same_number)*other%depth) return
     outweighs = self%n_nodes + self%n_passed > other%n_nodes + other%n_passed
   end function penetration_outweighs
 end module dotyk_contact_penetration_tolerance

@@ -8,6 +8,7 @@
 !> nodal forces on both sides, whatever the meshes: the contact patch test.
 module dotyk_contact_segment_quadrature
   use dotyk_base_kinds, only: dp
+  use dotyk_base_thresholds, only: given_rounding, no_offset
   use dotyk_contact_auxiliary_plane, only: auxiliary_plane_t, reference_centre, inverse_map
   use dotyk_contact_facet_polynomial, only: evaluate_facet
   use dotyk_contact_facet_set, only: facet_set_t
@@ -33,10 +34,6 @@ module dotyk_contact_segment_quadrature
     procedure :: init => table_init
   end type rule_table_t
 
-  !> A function whose component orthogonal to the others is below this fraction of the longest is nearly dependent on
-  !> them.
-  real(dp), parameter :: near_dependence = 1.0e-8_dp
-  real(dp), parameter :: round_off_part = 1.0e-13_dp  !! Orthogonal components below this fraction are round-off.
   !> Integration errors below this fraction of the area are round-off.
   real(dp), parameter :: integral_round_off = 3.0e-15_dp
   !> Greatest relative change of the weights to integrate a nearly dependent function.
@@ -270,11 +267,11 @@ contains
       ! Gram-Schmidt orthogonalization, the longest vector first.
       do i = 1, n
         k = maxloc(length, dim=1, mask=remaining)
-        if (.not. length(k) > round_off_part*scale) exit
+        if (.not. length(k) > given_rounding*scale) exit
         remaining(k) = .false.
         ! A nearly dependent function has its integral with the others, or too small a component of its own to correct
         ! it.
-        if (length(k) < near_dependence*scale .and. &
+        if (length(k) < no_offset*scale .and. &
             (abs(residual(k)) < integral_round_off*total .or. &
              abs(residual(k)) > max_dependent_change*length(k)*sqrt(total))) cycle
         q = v(:, k)/length(k)

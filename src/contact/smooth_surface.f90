@@ -16,11 +16,12 @@
 !> nodes on the chords: such nodes carry no information about the shape.
 module dotyk_contact_smooth_surface
   use dotyk_base_kinds, only: dp
+  use dotyk_base_thresholds, only: no_offset
   use dotyk_contact_adjacency, only: adjacency_t
   use dotyk_contact_facet_polynomial, only: evaluate_facet
   use dotyk_contact_facet_set, only: facet_set_t
   use dotyk_contact_smooth_sheets, only: facet_entity, facets_on_chords
-  use dotyk_contact_vertex_normals, only: find_smooth_sheets, flat_angle, smooth_corner_normals
+  use dotyk_contact_vertex_normals, only: find_smooth_sheets, smooth_corner_normals
   use dotyk_mesh_element, only: element_kind, element_kind_t, element_line3, element_quad8, element_quad9, &
     element_tri6, kind_nodes, max_facet_nodes, reference_nodes, shape_functions
   use dotyk_mesh_facet, only: cross
@@ -56,9 +57,6 @@ module dotyk_contact_smooth_surface
     reshape([0.0_dp, 0.0_dp, 0.5_dp, 0.0_dp, 0.0_dp, 0.5_dp, 0.5_dp, 0.5_dp], [2, 4])
   real(dp), parameter :: quadrilateral_base(2, 4) = &
     reshape([-0.5_dp, -0.5_dp, 0.5_dp, -0.5_dp, 0.5_dp, 0.5_dp, -0.5_dp, 0.5_dp], [2, 4])
-  !> Nodes are coplanar where their distance from the plane is below this fraction of their distance from the first
-  !> node.
-  real(dp), parameter :: flat_tolerance = 1.0e-8_dp
 
   type, public :: smooth_surface_t  !! Smooth geometry of a surface.
     !> The geometry differs from that of the elements on some sub-facet. Otherwise nothing below is set.
@@ -143,7 +141,7 @@ contains
     is_curved = .false.
     do k = 1, corners
       do l = 1, corners
-        if (abs(dot_product(normal(:, k), x(:, l) - x(:, k))) > flat_angle*norm2(x(:, l) - x(:, k))) is_curved = .true.
+        if (abs(dot_product(normal(:, k), x(:, l) - x(:, k))) > no_offset*norm2(x(:, l) - x(:, k))) is_curved = .true.
       end do
     end do
   end function is_curved
@@ -379,7 +377,7 @@ contains
     do i = 2, size(x, 2)
       r = 0
       r(1:size(x, 1)) = x(:, i) - x(:, 1)
-      is_planar = is_planar .and. abs(dot_product(normal, r)) <= flat_tolerance*norm2(r)
+      is_planar = is_planar .and. abs(dot_product(normal, r)) <= no_offset*norm2(r)
     end do
   end function is_planar
 

@@ -11,6 +11,7 @@
 !> surface is curved and where deformation bends it.
 module dotyk_contact_solid_boundary
   use dotyk_base_kinds, only: dp
+  use dotyk_base_thresholds, only: facing, no_offset, same_place
   use dotyk_contact_adjacency, only: adjacency_t, corner_of
   use dotyk_contact_bounding_volume_tree, only: bounding_volume_tree_t
   use dotyk_contact_closest_point, only: closest_point_on_facet, edges_at
@@ -57,14 +58,8 @@ module dotyk_contact_solid_boundary
     procedure :: outward_normal => solid_outward_normal
   end type solid_t
 
-  !> Facets face each other where the cosine of the angle of their normals is below this.
-  real(dp), parameter, public :: facing_cosine = -0.5_dp
-  !> Two faces are flush before deformation where the angle of their normals has at least this cosine, and the distance
-  !> is below this fraction of the size of the facet.
-  real(dp), parameter :: flush_cosine = 0.999_dp, flush_distance = 1.0e-6_dp
-  !> A point lies on an edge where its distance is below this fraction of the size of the facet.
-  real(dp), parameter :: edge_tolerance = 1.0e-8_dp
-  real(dp), parameter :: plane_turn = 1.0e-6_dp  !! Facets of one plane turn by less, by rounding [rad].
+  !> Two faces are flush before deformation where the angle of their normals has at least this cosine.
+  real(dp), parameter :: flush_cosine = 0.999_dp
   !> Roughness over curvature times width^2: twice the height of the arc [].
   real(dp), parameter :: roughness_factor = 0.25_dp
 
@@ -210,7 +205,7 @@ contains
     facet = 0
     xi = 0
     do k = 1, size(near)
-      if (faces_only .and. minval(matmul(self%normal(:, near(k)), normals)) > facing_cosine) cycle
+      if (faces_only .and. minval(matmul(self%normal(:, near(k)), normals)) > facing) cycle
       if (any([(other%is_flush(nodes(i), self, near(k)), i=1, size(nodes))])) cycle
       call closest_point_on_facet(self%set, near(k), x, trial_xi, trial)
       if (trial > square) cycle
@@ -255,7 +250,7 @@ contains
     integer, intent(in) :: corners  !! Number of corners.
     real(dp), intent(in) :: xi(2)  !! Reference coordinates (2) [].
     integer :: n, edges(2)
-    call edges_at(corners, xi, edge_tolerance, n, edges)
+    call edges_at(corners, xi, no_offset, n, edges)
     is_inside = n == 0
   end function is_inside
 
@@ -267,7 +262,7 @@ contains
     integer, allocatable, intent(out) :: shared(:)  !! The facets (n).
     integer, intent(out) :: vertex  !! The vertex, 0 where the point is none.
     integer :: n, edges(2)
-    call edges_at(self%set%corners(facet), xi, edge_tolerance, n, edges)
+    call edges_at(self%set%corners(facet), xi, no_offset, n, edges)
     call self%adjacency%facets_at(self%set%corners(facet), facet, n, edges, shared, vertex)
   end subroutine solid_facets_at
 
@@ -319,8 +314,8 @@ contains
     class(solid_t), intent(in) :: self
     integer, intent(in) :: f  !! Facet on one side.
     integer, intent(in) :: other  !! Facet on the other side.
-    is_in_plane = norm2(self%normal0(:, f) - self%normal0(:, other)) <= plane_turn .and. &
-      all(self%curvature([f, other])*self%set%size([f, other]) <= plane_turn)
+    is_in_plane = norm2(self%normal0(:, f) - self%normal0(:, other)) <= same_place .and. &
+      all(self%curvature([f, other])*self%set%size([f, other]) <= same_place)
   end function solid_is_in_plane
 
   !> Whether a facet was flush with a face of a part at one of its nodes before deformation, as the sides of two stacked
@@ -333,7 +328,7 @@ contains
     integer :: k
     flush = .false.
     if (abs(dot_product(b%normal0(:, facet), self%x0(:, i) - b%x0(:, b%surface%node(1, facet)))) > &
-        flush_distance*b%set%size(facet)) return
+        same_place*b%set%size(facet)) return
     do k = self%first(i), self%first(i + 1) - 1
       flush = dot_product(self%normal0(:, self%around(k)), b%normal0(:, facet)) > flush_cosine
       if (flush) return

@@ -14,7 +14,9 @@
 !> vertex or, at the boundary of the surface, on one side of it.
 module dotyk_contact_vertex_normals
   use dotyk_base_kinds, only: dp
+  use dotyk_base_thresholds, only: few_roundings, no_offset, shape_rounding
   use dotyk_contact_adjacency, only: adjacency_t, corner_of, edges_of_corner
+  use dotyk_contact_bounding_volume_tree, only: facing_cosine
   use dotyk_contact_facet_corners, only: corner_normal
   use dotyk_contact_facet_set, only: facet_set_t
   use dotyk_contact_smooth_sheets, only: is_smooth_edge
@@ -24,20 +26,12 @@ module dotyk_contact_vertex_normals
   private
   public :: find_smooth_sheets, smooth_corner_normals, fit_normal
 
-  !> Facets whose directions differ by less than this are coplanar [rad].
-  real(dp), parameter, public :: flat_angle = 1.0e-8_dp
   !> Rings of facets around a vertex that a fit may use, and facets altogether.
   integer, parameter :: max_rings = 4, max_facets = 256
-  !> Facets of a fit are inclined to the mean normal at the vertex by less than 60 degrees.
-  real(dp), parameter :: min_fit_cosine = 0.5_dp
   integer, parameter :: n_fits = 3  !! Number of fits, each in the frame of the previous normal.
   !> With a pivot of the scaled normal equations below this the vertices hardly determine a coefficient: two layers of
   !> them tell no curvature from a slope.
   real(dp), parameter :: min_pivot = 0.02_dp
-  !> Points are isotropic where their mixed moment is below this fraction of their polar moment: round-off.
-  real(dp), parameter :: isotropy_round_off = 1.0e-14_dp
-  !> Points have no extent along an axis where it is below this fraction of the greatest one.
-  real(dp), parameter :: min_extent = 1.0e-10_dp
 
 contains
 
@@ -59,7 +53,7 @@ contains
     do v = 1, size(adjacency%start) - 1
       associate (around => adjacency%facet(adjacency%start(v):adjacency%start(v + 1) - 1))
         if (.not. all(planar(around))) cycle
-        if (maxval(norm2(normal(:, around) - spread(normal(:, around(1)), 2, size(around)), dim=1)) > flat_angle) cycle
+        if (maxval(norm2(normal(:, around) - spread(normal(:, around(1)), 2, size(around)), dim=1)) > no_offset) cycle
         if (is_interior_vertex(set, adjacency, v) .or. &
             is_extended_plane(set, adjacency, around, planar, normal)) flat(around) = .true.
       end associate
@@ -72,7 +66,7 @@ contains
         do e = 1, set%corners(f)
           other = adjacency%neighbour(e, f)
           if (other == 0) cycle
-          if (.not. flat(other) .or. norm2(normal(:, f) - normal(:, other)) > flat_angle) cycle
+          if (.not. flat(other) .or. norm2(normal(:, f) - normal(:, other)) > no_offset) cycle
           flat(f) = .true.
           changed = .true.
         end do
@@ -84,7 +78,7 @@ contains
         other = adjacency%neighbour(e, f)
         if (other == 0) cycle
         ! The edge between two planes is sharp at any angle.
-        if (flat(f) .and. flat(other) .and. norm2(normal(:, f) - normal(:, other)) > flat_angle) cycle
+        if (flat(f) .and. flat(other) .and. norm2(normal(:, f) - normal(:, other)) > no_offset) cycle
         if (is_smooth_edge(adjacency, normal, entity, flat, f, other)) smooth_neighbour(e, f) = other
       end do
     end do
@@ -122,7 +116,7 @@ contains
         do k = adjacency%start(v), adjacency%start(v + 1) - 1
           f = adjacency%facet(k)
           if (any(f == around)) cycle
-          if (.not. planar(f) .or. norm2(normal(:, f) - normal(:, around(1))) > flat_angle) return
+          if (.not. planar(f) .or. norm2(normal(:, f) - normal(:, around(1))) > no_offset) return
           has_neighbours = .true.
         end do
       end do
@@ -140,7 +134,7 @@ contains
     normal = corner_normal(x(:, :corners))
     planar = .true.
     do k = 3, corners
-      planar = planar .and. abs(dot_product(normal, x(:, k) - x(:, 1))) <= flat_angle*norm2(x(:, k) - x(:, 1))
+      planar = planar .and. abs(dot_product(normal, x(:, k) - x(:, 1))) <= no_offset*norm2(x(:, k) - x(:, 1))
     end do
   end subroutine mean_normal
 
@@ -324,7 +318,7 @@ contains
           other = smooth_neighbour(e, facet(i))
           if (other == 0 .or. n == max_facets) cycle
           if (flat(other) .or. any(facet(:n) == other)) cycle
-          if (facing(other) < min_fit_cosine) cycle
+          if (facing(other) < facing_cosine) cycle
           least_cosine = min(least_cosine, facing(other))
           n = n + 1
           facet(n) = other
@@ -440,14 +434,14 @@ contains
     xy = sum(p(1, :)*p(2, :))/(size(p, 2) + 1) - mean(1)*mean(2)
     yy = sum(p(2, :)**2)/(size(p, 2) + 1) - mean(2)**2
     angle = 0
-    if (abs(xy) > isotropy_round_off*(xx + yy)) angle = atan2(2*xy, xx - yy)/2
+    if (abs(xy) > few_roundings*(xx + yy)) angle = atan2(2*xy, xx - yy)/2
     axes(:, 1) = [cos(angle), sin(angle)]
     axes(:, 2) = [-sin(angle), cos(angle)]
     do i = 1, 2
       extent(i) = sqrt(sum(matmul(axes(:, i), p)**2)/size(p, 2))
     end do
     do i = 1, 2
-      if (extent(i) > min_extent*maxval(extent)) then
+      if (extent(i) > shape_rounding*maxval(extent)) then
         axes(:, i) = axes(:, i)/extent(i)
       else
         axes(:, i) = 0

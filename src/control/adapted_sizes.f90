@@ -9,6 +9,7 @@ module dotyk_control_adapted_sizes
   use dotyk_base_kinds, only: dp, int64
   use dotyk_base_options, only: analysis_axisymmetric
   use dotyk_base_text, only: quoted, text_t
+  use dotyk_base_thresholds, only: pi
   use dotyk_contact_broad_phase, only: overlapping_boxes
   use dotyk_control_body_solution, only: element_field_t
   use dotyk_control_contact_problem, only: contact_problem_t
@@ -279,7 +280,7 @@ contains
       end do
       weight = pack(pair%row_weight, active)
       if (problem%body(pair%body_a)%analysis == analysis_axisymmetric) &
-        weight = weight/(2*acos(-1.0_dp)*max(x(1, :), tiny(1.0_dp)))
+        weight = weight/(2*pi*max(x(1, :), tiny(1.0_dp)))
       width = weight
       if (pair%dimension == 3) width = sqrt(weight)
       call overlapping_boxes(x - spread(connected/2*width, 1, 3), x + spread(connected/2*width, 1, 3), couple)
@@ -298,7 +299,7 @@ contains
           centre = matmul(x(:, list), weight(list))/sum(weight(list))
           moment = matmul((x(:, list) - spread(centre, 2, size(list)))*spread(weight(list), 1, 3), &
                           transpose(x(:, list) - spread(centre, 2, size(list))))/sum(weight(list))
-          radius = sqrt(sum(weight(list))/acos(-1.0_dp))/2
+          radius = sqrt(sum(weight(list))/pi)/2
           call symmetric_eigen(moment, values, axes, error)
           ! The least one is across the surface.
           if (.not. allocated(error)) radius = max(radius, 2*sqrt(max(0.0_dp, values(2))))

@@ -5,7 +5,7 @@
 module dotyk_control_body_operators
   use dotyk_base_error, only: error_slot_t, error_t
   use dotyk_base_kinds, only: dp
-  use dotyk_base_thresholds, only: half_digits, sharp_cosine
+  use dotyk_base_thresholds, only: half_digits, sharp_cosine, smooth_cosine
   use dotyk_contact_operator, only: build_operator, contact_block_t, contact_operator_t
   use dotyk_contact_pair, only: contact_pair_t
   use dotyk_control_body_ranks, only: body_ranks_t
@@ -28,9 +28,6 @@ module dotyk_control_body_operators
   implicit none
   private
   public :: find_modes, make_operators, find_deviations
-
-  !> Normals of two surfaces that touch differ by less than 25 degrees, those of coarse facets, too.
-  real(dp), parameter :: least_cosine = cos(25*acos(-1.0_dp)/180)
 
 contains
 
@@ -232,7 +229,7 @@ contains
       end associate
       ! Flanks beside sharp edges, as those of chamfers, are no other view of the same normal.
       if (any(at_edge(surface%node(:kind_nodes(surface%kind(f)), f))) .and. &
-          dot_product(normal, pair%normal(:, q)) <= least_cosine) cycle
+          dot_product(normal, pair%normal(:, q)) <= smooth_cosine) cycle
       if (norm2(normal) > 0) pair%normal(:, q) = normal
     end do
   end subroutine take_slave_normals

@@ -3,6 +3,7 @@
 module dotyk_control_contact_problem
   use dotyk_base_kinds, only: dp
   use dotyk_base_options, only: analysis_axisymmetric
+  use dotyk_base_thresholds, only: pi
   use dotyk_contact_operator, only: build_operator, contact_operator_t
   use dotyk_contact_pair, only: contact_pair_t
   use dotyk_contact_pair_report, only: pair_report_t
@@ -195,7 +196,7 @@ contains
     area = sum(pair%weight)
     ! A circumference does not make facets larger. Points lie off the axis, but for point contacts: discs there.
     if (body_a%analysis == analysis_axisymmetric) then
-      associate (w => pair%weight/acos(-1.0_dp), r => pair%position(1, :))
+      associate (w => pair%weight/pi, r => pair%position(1, :))
         area = sum(w/max(tiny(area), 2*r), mask=r > 0) + sum(sqrt(w), mask=.not. r > 0)
       end associate
     end if

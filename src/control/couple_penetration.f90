@@ -6,6 +6,7 @@ module dotyk_control_couple_penetration
   use, intrinsic :: ieee_arithmetic, only: ieee_is_nan
   use dotyk_base_kinds, only: dp
   use dotyk_base_parcel, only: parcel_t
+  use dotyk_base_thresholds, only: given_rounding, same_place
   use dotyk_contact_facet_set, only: facet_position_and_normal
   use dotyk_contact_met_points, only: add_met_points, inside_point_t, is_same, met_point_t
   use dotyk_contact_passage_search, only: swept_facets_t
@@ -35,7 +36,6 @@ module dotyk_control_couple_penetration
 
   !> Faces face each other where the cosine of the angle of their normals is below this: 150 degrees.
   real(dp), parameter :: facing_cosine = -0.866_dp
-  real(dp), parameter :: no_gap = 1.0e-6_dp  !! Gaps below this fraction of the size of the facet count as none.
 
   type, public :: body_penetration_t  !! One body inside another.
     integer :: body = 0  !! The body whose points are inside.
@@ -63,7 +63,6 @@ module dotyk_control_couple_penetration
   real(dp), parameter :: largest_bound = 0.01_dp
   !> Depths between contact rows are told from this part of what the two bodies move on.
   real(dp), parameter :: told_part = 0.25_dp
-  real(dp), parameter :: coordinate_rounding = 1.0e-13_dp  !! Rounding of coordinates relative to the largest.
   !> Only bodies whose boxes before deformation differ by less than this fraction of their diagonal are looked at [].
   real(dp), parameter :: same_box = 0.25_dp
 
@@ -311,7 +310,7 @@ contains
     moved = 0
     rounding = 0
     if (size(x, 2) == 0) return
-    rounding = coordinate_rounding*max(maxval(abs(x)), maxval(abs(x + u)))
+    rounding = given_rounding*max(maxval(abs(x)), maxval(abs(x + u)))
     x = x - spread(sum(x, dim=2)/size(x, 2), 2, size(x, 2))
     u = u - spread(sum(u, dim=2)/size(u, 2), 2, size(u, 2))
     rotation = mean_rotation(x, u)
@@ -391,7 +390,7 @@ contains
       call facet_position_and_normal(a%set, f, xi, x, normal, xu, xv)
       call b%depth_of(x, hint, depth, facet, xi)
       hint = facet
-      if (abs(depth) > no_gap*b%set%size(facet) + slack + b%roughness(facet) + a%roughness(f)) cycle
+      if (abs(depth) > same_place*b%set%size(facet) + slack + b%roughness(facet) + a%roughness(f)) cycle
       if (dot_product(normal, b%normal(:, facet)) > facing_cosine) cycle
       if (touch%n_facets == 0 .or. depth > touch%depth) touch%position = x
       touch%n_facets = touch%n_facets + 1

@@ -21,7 +21,7 @@ module dotyk_control_penetration_check
   use dotyk_mesh_boundary, only: extract_boundary
   use dotyk_mesh_surface, only: surface_nodes, surface_t
   use dotyk_ranks_communication, only: n_ranks, this_rank
-  use dotyk_ranks_division, only: deal_out, division_t
+  use dotyk_ranks_division, only: deal_out, division_t, least_divided
   use dotyk_ranks_exchange, only: all_ranks, by_owner, is_own, share_parcel
   implicit none
   private
@@ -51,8 +51,6 @@ module dotyk_control_penetration_check
   integer, parameter :: many = 4
   !> Couples that are checked before the boundaries of bodies are given up that no later ones need.
   integer, parameter :: most_at_once = 2048
-  !> From this number of boundary nodes of two bodies on, ranks divide their check: below, the exchanges take as long.
-  real(dp), parameter :: least_divided = 1000
   !> Overlaps below this fraction of the diameter of the smaller body, before loading, are those of meshes [].
   real(dp), parameter :: least_overlap = 1.0e-3_dp
 

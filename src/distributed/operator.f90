@@ -24,6 +24,7 @@ module dotyk_distributed_operator
   use dotyk_distributed_contact_rows, only: contact_rows_t
   use dotyk_distributed_petsc, only: has_failed, sum_of_ranks
   use dotyk_distributed_stiffness, only: distributed_stiffness_t
+  use dotyk_linalg_chebyshev, only: lanczos_margin, lanczos_steps
   use dotyk_linalg_cholesky, only: cholesky_t
   use dotyk_linalg_sparse, only: sparse_symmetric_t
   use dotyk_ranks_exchange, only: agree_on_error
@@ -61,11 +62,8 @@ module dotyk_distributed_operator
     procedure :: destroy => operator_destroy
   end type system_operator_t
 
-  !> Lanczos steps for the greatest eigenvalue, and the margin, as in `dotyk_linalg_chebyshev`.
-  integer, parameter :: lanczos_steps = 12
   !> Reduction of the residual at which Ritz values are exact: another step would divide zero by zero [].
   real(dp), parameter :: exact = 1.0e-10_dp
-  real(dp), parameter :: margin = 1.1_dp
 
   interface
     !> Make an operator of an own procedure.
@@ -199,7 +197,7 @@ contains
     if (reason /= KSP_DIVERGED_NANORINF) call KSPComputeExtremeSingularValues(solver, self%greatest, least, code)
     if (.not. (self%greatest > 0 .and. self%greatest <= huge(least))) &
       call set_error(error, 'the stiffness has numbers that are not finite', exit_not_solvable)
-    self%greatest = margin*self%greatest
+    self%greatest = lanczos_margin*self%greatest
     call KSPDestroy(solver, code)
     call VecDestroy(b, code)
     call VecDestroy(x, code)

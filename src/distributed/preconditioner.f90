@@ -21,6 +21,7 @@ module dotyk_distributed_preconditioner
     VecRestoreArrayF90
   use dotyk_base_error, only: error_t, exit_not_solvable, set_error
   use dotyk_base_kinds, only: dp
+  use dotyk_base_thresholds, only: given_rounding
   use dotyk_distributed_contact_rows, only: contact_rows_t
   use dotyk_distributed_operator, only: system_operator_t
   use dotyk_distributed_petsc, only: has_failed, largest_of_ranks, petsc_option, sum_of_ranks
@@ -49,8 +50,6 @@ module dotyk_distributed_preconditioner
   character(*), parameter :: aggregation_degree = '3'  !! Steps of the smoothers of the aggregation.
   !> Ends of their intervals as multiples of an estimate of the greatest eigenvalue.
   real(dp), parameter :: least_of_interval = 0.1_dp, greatest_of_interval = 1.1_dp
-  !> Diagonal entries of coarse levels below this fraction of the largest one are rounding errors [].
-  real(dp), parameter :: negligible = 1.0e-13_dp
 
 contains
 
@@ -271,7 +270,7 @@ contains
       n = size(x)
       largest = maxval([0.0_dp, x])
       call largest_of_ranks(largest)
-      where (.not. x > negligible*largest(1)) x = largest(1)
+      where (.not. x > given_rounding*largest(1)) x = largest(1)
       call VecRestoreArrayF90(vector, x, code)
       call MatCreateAIJ(PETSC_COMM_WORLD, n, n, PETSC_DECIDE, PETSC_DECIDE, 1, PETSC_NULL_INTEGER, 0, &
                         PETSC_NULL_INTEGER, diagonal, code)

@@ -10,9 +10,10 @@ module dotyk_elasticity_material_field
   use dotyk_base_magnitude, only: size_rule, smallest_number
   use dotyk_base_options, only: material_isotropic, material_orthotropic
   use dotyk_base_text, only: point_text, quoted, text_t, to_text
+  use dotyk_base_thresholds, only: given_rounding
   use dotyk_elasticity_material, only: material_formulas_t, material_t
   use dotyk_elasticity_projected_dilatation, only: unprojected_bulk_ratio
-  use dotyk_elasticity_stiffness_tensor, only: kelvin, rotate_stiffness, rotate_strain, scale_components, singular_ratio
+  use dotyk_elasticity_stiffness_tensor, only: kelvin, rotate_stiffness, rotate_strain, scale_components
   use dotyk_elasticity_vector_field, only: vector_field_t
   use dotyk_linalg_dense, only: symmetric_eigen
   implicit none
@@ -367,7 +368,7 @@ contains
     if (.not. abs(a) < 1) fault = 4
     if (fault /= 0) return
     determinant = 1 + 2*a*b*c - a**2 - b**2 - c**2
-    if (.not. determinant > singular_ratio) then
+    if (.not. determinant > given_rounding) then
       fault = indefinite
       return
     end if
@@ -405,7 +406,7 @@ contains
     inverse = 0
     do j = 1, 6
       pivot = factor(j, j) - sum(factor(j, :j - 1)**2)
-      if (.not. pivot > singular_ratio) return
+      if (.not. pivot > given_rounding) return
       factor(j, j) = sqrt(pivot)
       do i = j + 1, 6
         factor(i, j) = (factor(i, j) - sum(factor(i, :j - 1)*factor(j, :j - 1)))/factor(j, j)

@@ -14,6 +14,7 @@ module dotyk_elasticity_nodal_stress
   use, intrinsic :: ieee_arithmetic, only: ieee_is_finite, ieee_quiet_nan, ieee_value
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
+  use dotyk_base_thresholds, only: same_number
   use dotyk_elasticity_analysis, only: gradient_slots
   use dotyk_elasticity_body, only: body_t
   use dotyk_elasticity_dilatation_fit, only: dilatation_fit_t, fit_dilatations, mean_dilatations, smooth_pressures
@@ -22,6 +23,7 @@ module dotyk_elasticity_nodal_stress
   use dotyk_elasticity_initial_stress, only: initial_state_t
   use dotyk_elasticity_material, only: elements_of_material, material_t, mesh_of_material
   use dotyk_elasticity_material_field, only: material_field_t, point_constants_t
+  use dotyk_elasticity_point_stress, only: inward
   use dotyk_elasticity_projected_dilatation, only: n_projection_functions, unprojected_bulk_ratio
   use dotyk_elasticity_recovery_patch, only: diagonalize
   use dotyk_elasticity_stress_energy, only: stresses_and_energy
@@ -30,9 +32,6 @@ module dotyk_elasticity_nodal_stress
   implicit none
   private
   public :: nodal_stresses, principal_stresses, take_stress_of_means, element_stress, von_mises, thermal_dilatation
-
-  !> Radii below this fraction of the largest one are on the axis of an axisymmetric body.
-  real(dp), parameter :: on_axis = 1.0e-9_dp
 
   type :: corner_weights_t  !! Linear shape functions of the corners at the nodes of an element kind.
     integer :: n_corners = 0  !! Number of corners.
@@ -44,8 +43,6 @@ module dotyk_elasticity_nodal_stress
   !> Projected part of the bulk modulus over the other one from which on the means are better: from Poisson's ratio
   !> 0.475 on [].
   real(dp), parameter :: much = 1
-  !> Where the material has no value at a node, it is taken this fraction of the way to the centre of an element.
-  real(dp), parameter :: inward = 1.0e-6_dp
 
 contains
 
@@ -88,7 +85,7 @@ contains
     call weigh_corners(mesh, analysis, material, of_block)
     call form%init(analysis, material%stiffness)
     axis_radius = 0
-    if (gradient_slots(analysis) > mesh%dimension) axis_radius = on_axis*maxval(abs(mesh%x(1, :)))
+    if (gradient_slots(analysis) > mesh%dimension) axis_radius = same_number*maxval(abs(mesh%x(1, :)))
     allocate (stress(6, mesh%n_nodes(), size(u, 1)), source=0.0_dp)
     !$omp parallel do default(none) schedule(static) private(b, strain, matrix, bulk) &
     !$omp& shared(mesh, u, stress, temperature, expansion, fit, dilatation, of_block, form, factor, home, axis_radius) &

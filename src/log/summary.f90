@@ -5,6 +5,7 @@ module dotyk_log_summary
   use dotyk_base_log, only: log_t
   use dotyk_base_options, only: stop_increment, stop_paper
   use dotyk_base_text, only: counted, quoted, to_text
+  use dotyk_base_thresholds, only: rounding
   use dotyk_contact_pair, only: contact_pair_t
   use dotyk_control_conditioning, only: conditioning_t
   use dotyk_control_congruence_classes, only: congruence_classes_t
@@ -117,11 +118,10 @@ contains
     logical, intent(in) :: has_layer  !! Whether the penalty term has the energy of layers, which is no error.
     real(dp) :: work
     ! What rounding leaves where no load does work.
-    real(dp), parameter :: no_work = 1.0e-12_dp
     ! Penalty term relative to the strain energy that is told [].
     real(dp), parameter :: much_penalty = 0.02_dp
     work = energies%load_work
-    if (abs(work) < no_work*energies%strain) work = 0
+    if (abs(work) < rounding*energies%strain) work = 0
     call log%detail('  potential energy '//to_text(state%energy, digits_of_energy(state, energies%strain)))
     call log%detail('                   = strain energy '//to_text(energies%strain, 6)//' - work of loads '// &
                   to_text(work, 6)//' + penalty term (18) '//to_text(energies%penalty, 6))

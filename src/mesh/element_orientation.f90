@@ -4,6 +4,7 @@ module dotyk_mesh_element_orientation
   use dotyk_base_error, only: error_t, exit_not_solvable, set_error
   use dotyk_base_kinds, only: dp, int64
   use dotyk_base_text, only: counted, to_text
+  use dotyk_base_thresholds, only: few_roundings, same_number
   use dotyk_mesh_element, only: element_hex8, element_kind, element_kind_t, element_prism6, element_pyramid5, &
     element_quad4, kind_dimension, kind_nodes, max_element_nodes, quadrature_rule, reference_nodes, shape_gradients
   use dotyk_mesh_mesh, only: element_block_t
@@ -33,12 +34,6 @@ module dotyk_mesh_element_orientation
   end type orientation_census_t
 
   integer, parameter :: min_parallel = 1000  !! Loops over fewer elements are faster on one thread.
-
-  !> A determinant below this fraction of diameter**dimension of the element counts as zero.
-  real(dp), parameter :: zero_determinant = 1.0e-14_dp
-  !> An element is affine, with one Jacobian determinant, where its nodes deviate from the affine image of the reference
-  !> domain by less than this fraction of its diameter.
-  real(dp), parameter :: affine_tolerance = 1.0e-9_dp
 
 contains
 
@@ -196,12 +191,12 @@ contains
       end do
       diameter = sqrt(diameter)
       m = size(gradient, 3)
-      if (is_affine(nn, xe, base, barycentric, affine_tolerance*diameter)) m = 1
+      if (is_affine(nn, xe, base, barycentric, same_number*diameter)) m = 1
       smallest(e) = huge(det)
       largest(e) = -huge(det)
       do p = 1, m
         det = determinant(d, nn, xe, gradient(:, :, p))
-        if (abs(det) <= zero_determinant*diameter**d) det = 0
+        if (abs(det) <= few_roundings*diameter**d) det = 0
         smallest(e) = min(smallest(e), det)
         largest(e) = max(largest(e), det)
       end do

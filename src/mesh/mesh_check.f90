@@ -5,14 +5,12 @@ module dotyk_mesh_mesh_check
   use dotyk_base_kinds, only: dp, int64
   use dotyk_base_magnitude, only: is_too_large, size_rule, smallest_number
   use dotyk_base_text, only: to_text
+  use dotyk_base_thresholds, only: same_number
   use dotyk_mesh_element, only: element_kind, element_kind_t
   use dotyk_mesh_mesh, only: element_block_t
   implicit none
   private
   public :: check_size, check_plane, check_repeated_elements, position_text
-
-  !> Nodes of a plane mesh may deviate from the plane by this fraction of the size of the body.
-  real(dp), parameter :: plane_tolerance = 1.0e-9_dp
 
 contains
 
@@ -47,7 +45,7 @@ contains
     type(error_t), allocatable, intent(out) :: error  !! Set if a node is off the plane of the first node.
     integer :: worst
     worst = maxloc(abs(x(3, :) - x(3, 1)), dim=1)
-    if (abs(x(3, worst) - x(3, 1)) <= plane_tolerance*norm2(maxval(x(:2, :), dim=2) - minval(x(:2, :), dim=2))) return
+    if (abs(x(3, worst) - x(3, 1)) <= same_number*norm2(maxval(x(:2, :), dim=2) - minval(x(:2, :), dim=2))) return
     call set_error(error, 'node '//to_text(tag(worst))//' at '//position_text(x(:, worst))//' and node '// &
                    to_text(tag(1))//' at '//position_text(x(:, 1))// &
                    ' do not lie in one plane z = const, as an analysis in two dimensions needs')

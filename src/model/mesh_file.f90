@@ -8,6 +8,7 @@ module dotyk_model_mesh_file
   use dotyk_base_kinds, only: dp
   use dotyk_base_sort, only: sort_order
   use dotyk_base_text, only: quoted, text_t
+  use dotyk_base_thresholds, only: pi
   use dotyk_input_case, only: case_t
   use dotyk_mesh_cad_script, only: sharp
   use dotyk_mesh_conversion, only: forget_mesh, make_mesh, meshing_t, needs_conversion
@@ -104,7 +105,7 @@ contains
     if (needs_conversion(path)) call make_mesh(path, dimension, msh, error, meshing)
     if (.not. allocated(error)) call read_gmsh(msh, mesh, error, selection)
     if (.not. (allocated(error) .or. is_geo_file(path) .or. is_cad_file(path))) call mesh%forget_repeated_entities()
-    if (is_stl_file(path) .and. .not. allocated(error)) call join_smooth_faces(mesh, sharp*acos(-1.0_dp)/180)
+    if (is_stl_file(path) .and. .not. allocated(error)) call join_smooth_faces(mesh, sharp*pi/180)
     ! Messages name the file of the namelist.
     if (.not. allocated(error)) mesh%file = path
   end subroutine read_alone

@@ -2,6 +2,7 @@
 !> And bodies in no pair that others come near, just beyond the search distance: the log says what distance finds them.
 module dotyk_model_unnamed_faces
   use dotyk_base_kinds, only: dp
+  use dotyk_base_thresholds, only: facing
   use dotyk_contact_body_faces, only: body_faces_t
   use dotyk_contact_facing_facets, only: search_distance
   use dotyk_contact_near_facets, only: find_facets, near_faces_t
@@ -16,9 +17,6 @@ module dotyk_model_unnamed_faces
   !> Where other faces of two bodies are in a pair, faces count up to this distance, as a fraction of the diameter
   !> of the smaller body: those who name a part of a curved face mean to leave the rest out [].
   real(dp), parameter, public :: touching = 1.0e-3_dp
-  !> There, they count where the cosine of the angle between their mean normals is below this: of faces that touch, some
-  !> facets are nearly opposite each other; flanks of curved facets are not, by 60 degrees [].
-  real(dp), parameter :: facing = -0.5_dp
 
   real(dp), parameter :: beyond = 3  !! Bodies up to this many search distances away count [].
 

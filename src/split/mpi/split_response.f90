@@ -4,6 +4,7 @@ module dotyk_split_split_response
   use dotyk_base_kinds, only: dp
   use dotyk_linalg_sparse, only: sparse_rows_t
   use dotyk_ranks_exchange, only: add_up
+  use dotyk_response_multigrid_response, only: near
   use dotyk_response_response, only: equation_vector_t, response_t, substituted_rows_t
   use dotyk_split_split_bodies, only: split_bodies_t
   implicit none
@@ -25,9 +26,6 @@ module dotyk_split_split_response
     procedure :: product => response_product
     procedure :: destroy => response_destroy
   end type split_response_t
-
-  !> Forces that an approximate solution leaves, as a fraction of all, up to which it is kept [].
-  real(dp), parameter :: near = 0.05_dp
 
 contains
 
