@@ -257,8 +257,7 @@ contains
       hint = 0
       do i = 1, size(whole_rule%weight)
         associate (xi => whole_rule%xi(1, i))
-          if (any(first(1:n_segments) - same_place < xi .and. &
-                  xi < last(1:n_segments) + same_place)) cycle
+          if (any(first(1:n_segments) - same_place < xi .and. xi < last(1:n_segments) + same_place)) cycle
           call facet_position_and_normal(set, f, [xi, 0.0_dp], x, normal, xu, xv)
         end associate
         call project_point(master, x, normal, hint, radius, set%depth(f), projection)

@@ -77,8 +77,7 @@ contains
     real(dp) :: square, normal(3), r(3), xu(3), xv(3)
     integer :: facet, n_edges, edges(2)
     logical :: inside, ridge
-    call nearest_facet(self%tree, self%set, x, -normal_a, .false., max_depth, hint, facet, &
-                       projection%xi, square)
+    call nearest_facet(self%tree, self%set, x, -normal_a, .false., max_depth, hint, facet, projection%xi, square)
     if (facet == 0) return
     hint = facet
     call facet_position_and_normal(self%set, facet, projection%xi, projection%position, normal, xu, xv)

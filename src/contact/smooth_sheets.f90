@@ -206,8 +206,7 @@ contains
     if (.not. is_straight) return
     do i = 1, merge(1, n, n == 2)
       associate (first => x(:, i), last => x(:, modulo(i, n) + 1))
-        is_straight = is_straight .and. &
-          norm2(x(:, n + i) - (first + last)/2) <= same_place*norm2(last - first)
+        is_straight = is_straight .and. norm2(x(:, n + i) - (first + last)/2) <= same_place*norm2(last - first)
       end associate
     end do
   end function is_straight

@@ -279,8 +279,7 @@ contains
         x(i, :) = pack(pair%row_position(i, :), active)
       end do
       weight = pack(pair%row_weight, active)
-      if (problem%body(pair%body_a)%analysis == analysis_axisymmetric) &
-        weight = weight/(2*pi*max(x(1, :), tiny(1.0_dp)))
+      if (problem%body(pair%body_a)%analysis == analysis_axisymmetric) weight = weight/(2*pi*max(x(1, :), tiny(1.0_dp)))
       width = weight
       if (pair%dimension == 3) width = sqrt(weight)
       call overlapping_boxes(x - spread(connected/2*width, 1, 3), x + spread(connected/2*width, 1, 3), couple)

@@ -384,8 +384,7 @@ contains
     integer :: f, facet, hint
     hint = 0
     do f = 1, a%set%n
-      if (any(a%set%hi(:, f) < b%tree%volume(1)%lo - slack .or. &
-              a%set%lo(:, f) > b%tree%volume(1)%hi + slack)) cycle
+      if (any(a%set%hi(:, f) < b%tree%volume(1)%lo - slack .or. a%set%lo(:, f) > b%tree%volume(1)%hi + slack)) cycle
       xi = merge(1/3.0_dp, 0.0_dp, a%set%corners(f) == 3)
       call facet_position_and_normal(a%set, f, xi, x, normal, xu, xv)
       call b%depth_of(x, hint, depth, facet, xi)

@@ -102,8 +102,7 @@ contains
       end do
       call collect_thermal(problem, some, of_case)
       if (.not. allocated(of_case)) cycle
-      if (.not. allocated(thermal)) &
-        allocate (thermal(n*size(block), size(of_case, 2), size(of_case, 3)), source=0.0_dp)
+      if (.not. allocated(thermal)) allocate (thermal(n*size(block), size(of_case, 2), size(of_case, 3)), source=0.0_dp)
       thermal((j - 1)*n + 1:j*n, :, :) = of_case
     end do
     call displacements_of(problem, some, block, u)

@@ -131,8 +131,7 @@ contains
       integer, intent(in) :: c  !! Index of the other body, not lower.
       ! Where meshes of a tied surface do not fit, they overlap for good.
       counts = .not. problem%are_tied(a, c)
-      if (present(beside_pairs)) &
-        counts = counts .and. a /= c .and. size(pairs%between(problem%pair, a, c)) == 0
+      if (present(beside_pairs)) counts = counts .and. a /= c .and. size(pairs%between(problem%pair, a, c)) == 0
     end function counts
   end subroutine check_penetration
 

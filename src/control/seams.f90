@@ -74,8 +74,7 @@ contains
     do k = 1, size(tie)
       do i = 1, size(slave(k)%row)
         n = 0
-        if (.not. has_equal(slave(k)%row(i))) &
-          call interpolate(pair, tie, slave(k), i, master(k), value, n)
+        if (.not. has_equal(slave(k)%row(i))) call interpolate(pair, tie, slave(k), i, master(k), value, n)
         if (present(n_split)) n_split(slave(k)%pair(i), k) = n_split(slave(k)%pair(i), k) + n
       end do
     end do
@@ -169,8 +168,7 @@ contains
         if (.not. is_one_surface(pair, tie, slave, i, master, candidate)) cycle
         n_split = 1
         if (n == 1) then
-          if (dot_product(arm(:, next(1)), arm(:, candidate)) > &
-              between*distance(next(1))*distance(candidate)) cycle
+          if (dot_product(arm(:, next(1)), arm(:, candidate)) > between*distance(next(1))*distance(candidate)) cycle
         end if
         n = n + 1
         next(n) = candidate
@@ -344,8 +342,7 @@ contains
         do i = 1, pair(p)%n_rows
           if (all([(norm2(rows%row_position(:, l) - x(:, i)) > tie%facet_size, l=1, rows%n_rows)])) cycle
           do j = 1, pair(other)%n_rows
-            if (norm2(pair(other)%row_position(:, j) - x(:, i)) > &
-                extent(pair(p), i) + extent(pair(other), j)) cycle
+            if (norm2(pair(other)%row_position(:, j) - x(:, i)) > extent(pair(p), i) + extent(pair(other), j)) cycle
             if (dot_product(pair(other)%row_normal(:, j), pair(p)%row_normal(:, i)) < -sharp_cosine) return
           end do
         end do

@@ -92,8 +92,7 @@ contains
     bad = self%n_own_corners
     call sum_of_ranks(bad)
     self%n_corners = bad(1)
-    if (.not. self%is_linear) &
-      call make_block_matrix(.true., self%dim, self%n_own, self%part, .false., self%fine, error)
+    if (.not. self%is_linear) call make_block_matrix(.true., self%dim, self%n_own, self%part, .false., self%fine, error)
     if (.not. allocated(error)) &
       call make_block_matrix(.false., self%dim, self%n_own_corners, self%part, .true., self%coarse, error)
     if (allocated(error)) return

@@ -30,8 +30,7 @@ module dotyk_driver_results
   public :: finish_results, write_results, write_on_the_way
 
   !> Cause and remedy.
-  character(*), parameter :: reason = &
-    ' not finite: overflow, input values of incompatible magnitude; check their units'
+  character(*), parameter :: reason = ' not finite: overflow, input values of incompatible magnitude; check their units'
 
 contains
 

@@ -206,8 +206,7 @@ contains
       call monitor%log%line('  input checked; nothing was solved')
       return
     end if
-    call solve_cases(arguments%restart, case, run, scene, may_add, threads, monitor, met, accuracy, reason, &
-                     code, error)
+    call solve_cases(arguments%restart, case, run, scene, may_add, threads, monitor, met, accuracy, reason, code, error)
     call scene%compliance%destroy()
     call scene%split%destroy()
   end subroutine run_scene

@@ -218,8 +218,7 @@ contains
         do i = 1, points%n_directions
           along(i) = dot_product(force(:dim), points%direction(:, i, q))
         end do
-        if (points%area(q) > 0) &
-          energy = energy + sum(along(:points%n_directions)**2)/(2*self%modulus(s)*points%area(q))
+        if (points%area(q) > 0) energy = energy + sum(along(:points%n_directions)**2)/(2*self%modulus(s)*points%area(q))
       end do
     end do
   end subroutine foundation_add_up_reactions

@@ -96,8 +96,7 @@ contains
                  node => mesh%block(home(1, i))%node(:of_block(home(1, i))%n_corners, home(2, i)))
         do b = 1, size(u, 1)
           call recovered_strain(fit, form, b, weights%at_node(:, home(3, i)), node, mesh%x(:, i), strain)
-          if (size(form%component) == 4) &
-            strain(3) = hoop_strain(mesh%x(1, i), u(b, 1, i), axis_radius, strain(1))
+          if (size(form%component) == 4) strain(3) = hoop_strain(mesh%x(1, i), u(b, 1, i), axis_radius, strain(1))
           matrix = weights%matrix
           bulk = weights%bulk
           if (allocated(here)) then

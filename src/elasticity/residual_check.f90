@@ -77,8 +77,7 @@ module dotyk_elasticity_residual_check
 contains
 
   !> Hold the squared errors of elements against their residuals. Bodies with a projected dilatation keep theirs.
-  subroutine check_by_residuals(mesh, analysis, material, data, u, least, factor, room, face_room, &
-                                square, error)
+  subroutine check_by_residuals(mesh, analysis, material, data, u, least, factor, room, face_room, square, error)
     type(body_mesh_t), intent(in) :: mesh  !! Elements and nodes of the body.
     integer, intent(in) :: analysis  !! Type of analysis: one of the `analysis_*` constants.
     type(material_t), intent(in) :: material(:)  !! Materials of the body (n_materials).

@@ -116,8 +116,7 @@ contains
         adjustr(wide(to_text(row(k)%energy, 8))), adjustr(peak), adjustr(gap), adjustr(error(1:7))
       call log%line(trim(line)//'  '//row(k)%ending)
     end do
-    if (size(row) < n_cases) &
-      call log%line('  interrupted: '//counted(n_cases - size(row), 'load case')//' not solved')
+    if (size(row) < n_cases) call log%line('  interrupted: '//counted(n_cases - size(row), 'load case')//' not solved')
   end subroutine show_case_table
 
   !> A text in the width of the column of energies.

@@ -40,8 +40,7 @@ contains
     do b = 1, size(problem%body)
       motion(b)%s = ''
       associate (modes => problem%modes(b))
-        if (modes%n > 0 .and. .not. modes%is_near_null()) &
-          motion(b)%s = modes%span_text(of_body(b)%value(:modes%n, :))
+        if (modes%n > 0 .and. .not. modes%is_near_null()) motion(b)%s = modes%span_text(of_body(b)%value(:modes%n, :))
       end associate
       short(b)%s = without_places(motion(b)%s)
       kinds(b)%s = kinds_of_motion(motion(b)%s)

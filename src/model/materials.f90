@@ -61,8 +61,7 @@ contains
     call material_axes(given%axis_1, given%axis_2, axes, error)
     if (allocated(error)) return
     material%formulas%axes = axes
-    if (any(abs(given%expansion - given%expansion(1)) > 0)) &
-      material%expansion = rotate_strain(material%expansion, axes)
+    if (any(abs(given%expansion - given%expansion(1)) > 0)) material%expansion = rotate_strain(material%expansion, axes)
   end subroutine build_material
 
   !> Set constants that are numbers.

@@ -282,8 +282,7 @@ contains
           call find_patch(b, pack(near(i)%facet_b, near(i)%opposite), facet_b)
           call boundary_part(surfaces(a)%boundary, facet_a, patch_a)
           call boundary_part(surfaces(b)%boundary, facet_b, patch_b)
-          first = first_is_slave(faces(a), near(i)%facet_a, body(a)%young(), &
-                                 faces(b), near(i)%facet_b, body(b)%young())
+          first = first_is_slave(faces(a), near(i)%facet_a, body(a)%young(), faces(b), near(i)%facet_b, body(b)%young())
           ! Both halves of a body have one role on others, so that contact can go on across the cut.
           if (case%body(a)%cut%is_cut() .neqv. case%body(b)%cut%is_cut()) first = case%body(a)%cut%is_cut()
           ! Multipliers of a rigid body would be more than what yields.

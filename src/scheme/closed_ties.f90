@@ -83,8 +83,7 @@ contains
     none = 0
     call find_gaps(qp%initial_penetration, none, y, terms)
     ! Rounding is no overlap: slender bodies move far by the forces of ties, and back by those of others.
-    if (.not. any(is_held .and. y > max(rounding*terms, &
-                                        half_digits*maxval(abs(qp%initial_penetration))))) return
+    if (.not. any(is_held .and. y > max(rounding*terms, half_digits*maxval(abs(qp%initial_penetration))))) return
     i = maxloc(y, 1, is_held)
     state%ended = ended_rigid_constraint
     state%rigid_row = qp%parent_row(i)

@@ -141,8 +141,7 @@ contains
     end if
     self%shortest = min(self%shortest, length)
     ! Steps can vanish by chance.
-    if (.not. ieee_is_finite(length) .or. &
-        length > growth_of_divergence*max(self%shortest, half_digits*norm)) then
+    if (.not. ieee_is_finite(length) .or. length > growth_of_divergence*max(self%shortest, half_digits*norm)) then
       state%ended = ended_diverged
       return
     end if

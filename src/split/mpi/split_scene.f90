@@ -72,8 +72,7 @@ contains
       associate (mesh => body(b)%mesh)
         allocate (u(body(b)%dimension, mesh%n_nodes()), source=0.0_dp)
         allocate (stress(6, mesh%n_elements()), factor(mesh%n_elements()), volume(mesh%n_elements()))
-        call stresses_and_energy(mesh, body(b)%analysis, body(b)%material, u, stress, energy, error, factor, &
-                                 volume)
+        call stresses_and_energy(mesh, body(b)%analysis, body(b)%material, u, stress, energy, error, factor, volume)
         call agree_on_error(error)
         call add_context(error, 'body '//quoted(body(b)%name)//': ')
         if (allocated(error)) return
