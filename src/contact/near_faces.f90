@@ -11,8 +11,7 @@ module dotyk_contact_near_faces
   use dotyk_contact_body_faces, only: body_faces_t
   use dotyk_contact_bounding_volume_tree, only: bounding_volume_tree_t
   use dotyk_contact_facet_set, only: facet_set_t
-  use dotyk_contact_facing_facets, only: greatest_overlap, search_distance
-  use dotyk_contact_near_facets, only: find_facets, near_faces_t, share_near
+  use dotyk_contact_near_facets, only: find_facets, greatest_overlap, near_faces_t, search_distance, share_near
   use dotyk_contact_tree_search, only: box_neighbourhood_t, facets_in_region
   use dotyk_mesh_joints, only: towards_corner
   use dotyk_ranks_communication, only: this_rank

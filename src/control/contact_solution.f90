@@ -8,14 +8,14 @@ module dotyk_control_contact_solution
   use dotyk_base_thresholds, only: least_gain
   use dotyk_contact_facet_bending, only: bending_t
   use dotyk_control_body_solution, only: body_solution_t, displacements_t, recover_bodies
-  use dotyk_control_conditioning, only: collect_conditioning, conditioning_t
   use dotyk_control_contact_problem, only: contact_problem_t
   use dotyk_control_error_budget, only: error_budget_t, estimate_errors
   use dotyk_control_gap_doubt, only: find_gap_doubt, gap_doubt_t
   use dotyk_control_kept_estimates, only: kept_estimates_t
   use dotyk_control_penetration_check, only: penetration_check_t
   use dotyk_control_quantity_error, only: quantity_errors_t
-  use dotyk_control_refinement, only: energy_of, least_residual, penetrations, refine_bodies, refuse_lost_pressures
+  use dotyk_control_refinement, only: collect_conditioning, conditioning_t, energy_of, least_residual, penetrations, &
+    refine_bodies, refuse_lost_pressures
   use dotyk_control_rounding, only: expect_rounding, flag_rounded, gap_rounding, measure_rounding, relative_rounding, &
     storage_rounding, worth_measuring, worth_refining
   use dotyk_control_scheme_run, only: scheme_run_t

@@ -9,10 +9,9 @@ module dotyk_control_rounding
   use dotyk_base_error, only: error_slot_t, error_t, add_context
   use dotyk_base_kinds, only: dp, qp
   use dotyk_control_body_solution, only: body_solution_t
-  use dotyk_control_conditioning, only: conditioning_t
   use dotyk_control_contact_problem, only: contact_problem_t
   use dotyk_control_parallel, only: largest_first, set_blas_threads
-  use dotyk_control_refinement, only: penetrations
+  use dotyk_control_refinement, only: conditioning_t, penetrations
   use dotyk_elasticity_body, only: body_t, strain_energy
   use dotyk_elasticity_internal_force, only: body_force
   use dotyk_ranks_exchange, only: share_errors

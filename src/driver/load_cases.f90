@@ -8,6 +8,7 @@ module dotyk_driver_load_cases
   use dotyk_base_text, only: to_text
   use dotyk_contact_met_points, only: met_point_t
   use dotyk_contact_operator, only: contact_operator_t
+  use dotyk_control_balance, only: keep_shortenings
   use dotyk_control_body_operators, only: find_modes
   use dotyk_control_contact_problem, only: contact_problem_t, first_mode
   use dotyk_control_factorization, only: predicted_memory
@@ -16,7 +17,6 @@ module dotyk_driver_load_cases
   use dotyk_control_pressures, only: pair_solution_t
   use dotyk_control_quantity_error, only: find_quantity_errors
   use dotyk_control_scheme_run, only: scheme_run_t
-  use dotyk_control_tie_forces, only: keep_shortenings
   use dotyk_driver_accuracy, only: accuracy_t
   use dotyk_driver_case_block, only: case_block_t
   use dotyk_driver_factorization, only: use_factors

@@ -23,9 +23,8 @@ module dotyk_driver_scene_building
   use dotyk_log_timing, only: stage_assemble, stage_order, stage_read, stage_search
   use dotyk_mesh_surface, only: surface_t
   use dotyk_model_assembly, only: assemble_bodies, check_held
-  use dotyk_model_body_parts, only: hold_parts
   use dotyk_model_body_setup, only: build_bodies
-  use dotyk_model_body_surfaces, only: body_surfaces_t
+  use dotyk_model_body_surfaces, only: body_surfaces_t, hold_parts
   use dotyk_model_contact_cases, only: check_contact_cases
   use dotyk_model_dealt_bodies, only: build_dealt_bodies
   use dotyk_model_joints, only: refuse_doubles

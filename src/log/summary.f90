@@ -7,12 +7,12 @@ module dotyk_log_summary
   use dotyk_base_text, only: counted, quoted, to_text
   use dotyk_base_thresholds, only: rounding
   use dotyk_contact_pair, only: contact_pair_t
-  use dotyk_control_conditioning, only: conditioning_t
   use dotyk_control_congruence_classes, only: congruence_classes_t
   use dotyk_control_contact_problem, only: contact_problem_t
   use dotyk_control_contact_solution, only: contact_solution_t, energies_t, solution_goal_t
   use dotyk_control_error_budget, only: error_budget_t
   use dotyk_control_gap_doubt, only: gap_doubt_t
+  use dotyk_control_refinement, only: conditioning_t
   use dotyk_elasticity_body, only: body_t
   use dotyk_input_case, only: output_input_t
   use dotyk_log_found_pairs, only: show_idle_bodies

@@ -5,9 +5,8 @@ module dotyk_model_pair_finder
   use dotyk_base_kinds, only: dp
   use dotyk_base_text, only: join, quoted, text_t, to_text
   use dotyk_contact_body_faces, only: body_faces_t
-  use dotyk_contact_facing_facets, only: search_distance
   use dotyk_contact_near_faces, only: find_near_faces
-  use dotyk_contact_near_facets, only: near_faces_t
+  use dotyk_contact_near_facets, only: near_faces_t, search_distance
   use dotyk_contact_pair_report, only: group_report_t, pair_report_t
   use dotyk_elasticity_body, only: body_t
   use dotyk_input_case, only: case_t, contact_input_t, cut_surface

@@ -4,8 +4,7 @@ module dotyk_model_unnamed_faces
   use dotyk_base_kinds, only: dp
   use dotyk_base_thresholds, only: facing
   use dotyk_contact_body_faces, only: body_faces_t
-  use dotyk_contact_facing_facets, only: search_distance
-  use dotyk_contact_near_facets, only: find_facets, near_faces_t
+  use dotyk_contact_near_facets, only: find_facets, near_faces_t, search_distance
   use dotyk_contact_pair_report, only: distant_body_t, unnamed_faces_t
   use dotyk_input_case, only: case_t
   use dotyk_model_body_surfaces, only: body_surfaces_t

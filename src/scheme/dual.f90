@@ -15,8 +15,9 @@ module dotyk_scheme_dual
   use dotyk_base_options, only: linear_solver_direct
   use dotyk_base_text, only: to_text
   use dotyk_base_thresholds, only: largest_square, rounding
-  use dotyk_scheme_active_set, only: iterate_t, find_active_set, foundation_stiffness, is_balanced, reference_norm, &
-    rest_on_winkler_foundation, update_penetrations
+  use dotyk_scheme_active_set, only: add_violated, find_active_set, foundation_stiffness, is_balanced, &
+    is_worth_screening, iterate_t, keep_what_carries, reference_norm, rest_on_winkler_foundation, screen_rows, &
+    update_penetrations
   use dotyk_scheme_active_system, only: active_system_t
   use dotyk_scheme_bounds, only: duality_gap
   use dotyk_scheme_closed_ties, only: check_ties, find_held_rows
@@ -34,7 +35,6 @@ module dotyk_scheme_dual
   use dotyk_scheme_stopping, only: solver_settings_t
   use dotyk_scheme_undetermined_motion, only: find_undetermined
   use dotyk_scheme_winkler_start, only: check_equilibrium, clear, explain_failure
-  use dotyk_scheme_working_set, only: add_violated, is_worth_screening, keep_what_carries, screen_rows
   implicit none
   private
 

@@ -10,7 +10,8 @@ module dotyk_scheme_primal_solution
   use dotyk_base_thresholds, only: largest_square, least_gain, one_digit, rounding
   use dotyk_base_timer, only: wall_time
   use dotyk_linalg_dense, only: symmetric_eigen
-  use dotyk_scheme_active_set, only: foundation_stiffness, iterate_t, is_balanced, reference_norm
+  use dotyk_scheme_active_set, only: foundation_stiffness, is_balanced, iterate_t, near_violation, reference_norm, &
+    screen_rows
   use dotyk_scheme_bounds, only: duality_gap
   use dotyk_scheme_coarse_space, only: coarse_space_t
   use dotyk_scheme_contact_qp, only: contact_qp_t
@@ -25,7 +26,6 @@ module dotyk_scheme_primal_solution
   use dotyk_scheme_stopping, only: solver_settings_t
   use dotyk_scheme_undetermined_motion, only: find_undetermined
   use dotyk_scheme_winkler_start, only: check_equilibrium, clear
-  use dotyk_scheme_working_set, only: near_violation, screen_rows
   implicit none
   private
   public :: presses_rigid_rows, solve_by_displacements
