@@ -3,9 +3,8 @@ module dotyk_contact_body_faces
   use dotyk_base_kinds, only: dp
   use dotyk_base_thresholds, only: same_number
   use dotyk_contact_bounding_volume_tree, only: bounding_volume_t, bounding_volume_tree_t
-  use dotyk_contact_facet_corners, only: corner_normal
   use dotyk_contact_facet_distance, only: ray_meets_polygon
-  use dotyk_contact_facet_set, only: facet_set_t
+  use dotyk_contact_facet_set, only: corner_normal, facet_set_t
   use dotyk_contact_tree_search, only: region_t, tree_walk_t
   use dotyk_mesh_element, only: element_kind, element_kind_t, max_facet_nodes
   use dotyk_mesh_surface, only: surface_t

@@ -6,8 +6,7 @@ module dotyk_contact_edge_contacts
   use dotyk_base_kinds, only: dp
   use dotyk_base_thresholds, only: pi, rounding
   use dotyk_contact_adjacency, only: adjacency_t
-  use dotyk_contact_facet_corners, only: corner_position, edge_coordinates
-  use dotyk_contact_facet_set, only: facet_position_and_normal, facet_set_t
+  use dotyk_contact_facet_set, only: corner_position, edge_coordinates, facet_position_and_normal, facet_set_t
   use dotyk_contact_local_depth, only: is_false_overlap, shallow
   use dotyk_contact_point_contacts, only: flank_cosine, min_exposure, point_contact_t
   use dotyk_contact_projection, only: master_surface_t

@@ -22,7 +22,7 @@ module dotyk_contact_gap_interpolation
   use dotyk_base_formula, only: formula_t
   use dotyk_base_kinds, only: dp
   use dotyk_base_thresholds, only: no_offset
-  use dotyk_contact_facet_corners, only: corner_coordinates
+  use dotyk_contact_facet_set, only: corner_coordinates
   use dotyk_contact_pair, only: contact_pair_t
   use dotyk_contact_projection, only: projection_found, projection_t
   use dotyk_contact_segment_quadrature, only: quadrature_rule_t

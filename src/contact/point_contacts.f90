@@ -13,8 +13,8 @@ module dotyk_contact_point_contacts
   use dotyk_base_kinds, only: dp
   use dotyk_base_thresholds, only: pi, same_place, shape_rounding, smooth_cosine
   use dotyk_contact_adjacency, only: adjacency_t, corner_of, edges_of_corner
-  use dotyk_contact_facet_corners, only: corner_coordinates, corner_position, edge_coordinates
-  use dotyk_contact_facet_set, only: facet_position_and_normal, facet_set_t
+  use dotyk_contact_facet_set, only: corner_coordinates, corner_position, edge_coordinates, facet_position_and_normal, &
+    facet_set_t
   use dotyk_contact_local_depth, only: is_false_overlap, shallow
   use dotyk_contact_projection, only: master_surface_t, project_point, projection_found, projection_t
   use dotyk_mesh_facet, only: cross

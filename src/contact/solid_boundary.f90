@@ -15,8 +15,7 @@ module dotyk_contact_solid_boundary
   use dotyk_contact_adjacency, only: adjacency_t, corner_of
   use dotyk_contact_bounding_volume_tree, only: bounding_volume_tree_t
   use dotyk_contact_closest_point, only: closest_point_on_facet, edges_at
-  use dotyk_contact_facet_corners, only: corner_coordinates, corner_normal
-  use dotyk_contact_facet_set, only: facet_position_and_normal, facet_set_t
+  use dotyk_contact_facet_set, only: corner_coordinates, corner_normal, facet_position_and_normal, facet_set_t
   use dotyk_contact_smooth_sheets, only: facet_entity, is_smooth_edge
   use dotyk_contact_tree_search, only: box_neighbourhood_t, facets_in_region, nearest_facet
   use dotyk_mesh_element, only: kind_nodes, max_facet_nodes, shape_functions

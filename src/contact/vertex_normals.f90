@@ -17,8 +17,7 @@ module dotyk_contact_vertex_normals
   use dotyk_base_thresholds, only: few_roundings, no_offset, shape_rounding
   use dotyk_contact_adjacency, only: adjacency_t, corner_of, edges_of_corner
   use dotyk_contact_bounding_volume_tree, only: facing_cosine
-  use dotyk_contact_facet_corners, only: corner_normal
-  use dotyk_contact_facet_set, only: facet_set_t
+  use dotyk_contact_facet_set, only: corner_normal, facet_set_t
   use dotyk_contact_smooth_sheets, only: is_smooth_edge
   use dotyk_mesh_facet, only: cross
   use dotyk_ranks_division, only: division_t

@@ -12,10 +12,9 @@ module dotyk_mesh_rigid_surface
   use dotyk_mesh_body_mesh, only: body_mesh_t, gather_elements, number_nodes
   use dotyk_mesh_corner_table, only: corner_table_t
   use dotyk_mesh_element, only: element_kind, element_kind_t, kind_dimension
-  use dotyk_mesh_element_orientation, only: mirror_order
   use dotyk_mesh_facet, only: cross
   use dotyk_mesh_mesh, only: groups_named, mesh_t, unknown_group
-  use dotyk_mesh_mesh_check, only: check_plane, check_repeated_elements, check_size
+  use dotyk_mesh_mesh_check, only: check_plane, check_repeated_elements, check_size, mirror_order
   implicit none
   private
 

@@ -1,5 +1,5 @@
 !> The linear systems of the primal engine as its active set iteration (`dotyk_scheme_proximal_active_set`) and its
-!> error bound (`dotyk_scheme_primal_solution`) see them: stiffness K of all bodies in the displacements, active contact
+!> error bound (`dotyk_scheme_primal`) see them: stiffness K of all bodies in the displacements, active contact
 !> rows of stiffness W, and springs T on the amplitudes of the rigid body modes R of floating bodies, which are
 !> orthonormal,
 !>

@@ -1,6 +1,6 @@
 !> When an iteration on held bodies ends: what it measures at each step, and when there is no more to gain.
 module dotyk_scheme_stopping
-  use, intrinsic :: ieee_arithmetic, only: ieee_is_finite, ieee_is_nan, ieee_quiet_nan, ieee_value
+  use, intrinsic :: ieee_arithmetic, only: ieee_is_finite, ieee_is_nan
   use dotyk_base_interrupt, only: interrupted
   use dotyk_base_kinds, only: dp
   use dotyk_base_options, only: default_gamma_rule, default_linear_solver, default_max_iterations, default_stop_rule, &
@@ -108,7 +108,7 @@ contains
     logical, intent(in) :: diverges  !! Whether no gain means divergence (gamma is too large) and not rounding.
     class(monitor_t), intent(inout) :: monitor  !! Gets each step, and lines for the log.
     type(solver_state_t), intent(inout) :: state  !! With the new iterate m, y.
-    real(dp), intent(in), optional :: bound_of_paper  !! Bound (41); absent where it means nothing [sqrt(energy)].
+    real(dp), intent(in) :: bound_of_paper  !! Bound (41) [sqrt(energy)].
     real(dp) :: norm, gap, measure, waited
     logical :: at_limit
     finished = .true.
@@ -119,8 +119,7 @@ contains
       state%error_bound = bound
       if (sqrt(gap) < bound) state%error_bound = sqrt(gap)
       state%error_bound = relative(state%error_bound, norm)
-      state%error_bound_paper = ieee_value(norm, ieee_quiet_nan)
-      if (present(bound_of_paper)) state%error_bound_paper = relative(bound_of_paper, norm)
+      state%error_bound_paper = relative(bound_of_paper, norm)
       state%energy = qp%energy(m, y)
       state%max_penetration = max(0.0_dp, maxval(y))
       call state%history%add(wall_time() - self%start, length, relative(length, norm), state%error_bound, &

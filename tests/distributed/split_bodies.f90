@@ -17,7 +17,7 @@ program split_bodies
   use dotyk_scheme_contact_qp, only: contact_qp_t
   use dotyk_scheme_dual, only: dual_t
   use dotyk_scheme_monitor, only: monitor_t
-  use dotyk_scheme_primal_solution, only: solve_by_displacements
+  use dotyk_scheme_primal, only: solve_by_displacements
   use dotyk_scheme_proximal_active_set, only: proximal_outcome_t
   use dotyk_scheme_solver_state, only: ended_converged, solver_state_t
   use dotyk_scheme_stopping, only: solver_settings_t

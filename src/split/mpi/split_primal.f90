@@ -1,4 +1,4 @@
-!> The scheme for bodies that all ranks compute together: the engine of `dotyk_scheme_primal_solution` with the linear
+!> The scheme for bodies that all ranks compute together: the engine of `dotyk_scheme_primal` with the linear
 !> systems of `dotyk_distributed_system`.
 module dotyk_split_split_primal
   use dotyk_base_error, only: error_t
@@ -12,7 +12,7 @@ module dotyk_split_split_primal
   use dotyk_scheme_contact_qp, only: contact_qp_t
   use dotyk_scheme_dual, only: dual_t
   use dotyk_scheme_monitor, only: monitor_t
-  use dotyk_scheme_primal_solution, only: solve_by_displacements
+  use dotyk_scheme_primal, only: solve_by_displacements
   use dotyk_scheme_proximal_active_set, only: proximal_outcome_t
   use dotyk_scheme_scheme, only: scheme_t
   use dotyk_scheme_solver_state, only: solver_state_t, ended_converged, ended_costly, ended_interrupted, ended_solves
