@@ -65,7 +65,7 @@ module dotyk_control_factorization
   end type factor_size_t
 
   !> Memory beside a factor while it is made, as a fraction of it [].
-  real(dp), parameter, public :: beside_factor = 0.15_dp
+  real(dp), parameter :: beside_factor = 0.15_dp
   !> Memory that a solve by smoothed aggregation reads, as a multiple of the matrix of the corner space; factors are
   !> read twice. The levels below the matrix, their factor and the interpolation take as much memory as it does.
   integer, parameter :: aggregated_products = 5

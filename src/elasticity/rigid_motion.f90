@@ -19,8 +19,7 @@ module dotyk_elasticity_rigid_motion
   use dotyk_mesh_facet, only: cross
   implicit none
   private
-  public :: find_free_rigid_modes, rigid_null_space, describe_rigid_motions, first_node, component_text, &
-    rigid_displacement, free_rigid_modes
+  public :: rigid_null_space, describe_rigid_motions, first_node, component_text, rigid_displacement, free_rigid_modes
 
   !> Rotations and translations of a normalized motion below this are rounding errors of the null space.
   real(dp), parameter :: negligible = 1.0e-5_dp

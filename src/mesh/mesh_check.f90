@@ -13,8 +13,7 @@ module dotyk_mesh_mesh_check
   use dotyk_mesh_mesh, only: element_block_t
   implicit none
   private
-  public :: check_size, check_plane, check_repeated_elements, position_text, orient_elements, jacobian_range, &
-    mirror_order
+  public :: check_size, check_plane, check_repeated_elements, orient_elements, jacobian_range, mirror_order
 
   integer, parameter :: max_listed = 10  !! Greatest number of tags in a message.
 

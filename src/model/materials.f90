@@ -27,7 +27,7 @@ module dotyk_model_materials
 
   !> Bulk over shear modulus from which on linear triangles, tetrahedra, prisms and pyramids lock: Poisson's ratio 0.45
   !> [].
-  real(dp), parameter, public :: linear_simplices_lock = 29.0_dp/3
+  real(dp), parameter :: linear_simplices_lock = 29.0_dp/3
 
 contains
 

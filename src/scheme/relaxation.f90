@@ -19,7 +19,7 @@ module dotyk_scheme_relaxation
 
   !> `Theta^{-1/2} W^{1/2} C W^{1/2} Theta^{-1/2}`: symmetric, with the spectrum of `Theta^{-1} C W`. The pointers are
   !> to dummy arguments of the procedure that has it as a local variable.
-  type, extends(linear_operator_t), public :: penalty_compliance_t
+  type, extends(linear_operator_t) :: penalty_compliance_t
     class(compliance_t), pointer :: compliance => null()  !! C.
     type(contact_qp_t), pointer :: qp => null()  !! The rows.
     real(dp), allocatable :: scale(:)  !! W^{1/2} Theta^{-1/2} (n_rows).

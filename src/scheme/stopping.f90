@@ -51,7 +51,7 @@ module dotyk_scheme_stopping
     type(stopping_t) :: stopping  !! When it ends.
   end type iteration_t
 
-  public :: relative, take_up
+  public :: take_up
 
   !> A step this many times longer than the shortest so far: the iteration diverges.
   real(dp), parameter :: growth_of_divergence = 1.0e3_dp

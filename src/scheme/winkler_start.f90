@@ -30,7 +30,7 @@ module dotyk_scheme_winkler_start
   real(dp), parameter :: weak = 1.0e-10_dp
   !> Loads that contact cannot balance by less than this fraction of the largest are rounding errors, of the loads or of
   !> the mesh.
-  real(dp), parameter, public :: imbalance = 1.0e-7_dp
+  real(dp), parameter :: imbalance = 1.0e-7_dp
 
 contains
 
