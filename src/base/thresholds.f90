@@ -27,6 +27,13 @@ module dotyk_base_thresholds
   !> Places, distances and directions that differ by less, relative to the size of what they are on, are the same: more
   !> than any rounding of files, less than a mesh resolves [].
   real(dp), parameter, public :: same_place = 1.0e-6_dp
+  !> What meshes leave of lengths, relative to the size of a facet or a body: gaps of faces that touch,
+  !> overlaps of those that do not, extents of what has none; and of the mean of directions that cancel [].
+  real(dp), parameter, public :: of_mesh = 1.0e-3_dp
+  !> A part of the whole from which on it makes a difference to results [].
+  real(dp), parameter, public :: notable = 0.01_dp
+  !> Relative residual of a solution that others correct or improve on [].
+  real(dp), parameter, public :: rough = 0.01_dp
   !> What rounding leaves of roots of differences of squares, of angles from their cosines, of balances that solves
   !> leave: half of the digits [].
   real(dp), parameter, public :: half_digits = sqrt(epsilon(1.0_dp))

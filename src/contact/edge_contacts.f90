@@ -4,10 +4,10 @@
 !> parallelogram of the half edges.
 module dotyk_contact_edge_contacts
   use dotyk_base_kinds, only: dp
-  use dotyk_base_thresholds, only: pi, rounding
+  use dotyk_base_thresholds, only: of_mesh, pi, rounding
   use dotyk_contact_adjacency, only: adjacency_t
   use dotyk_contact_facet_set, only: corner_position, edge_coordinates, facet_position_and_normal, facet_set_t
-  use dotyk_contact_local_depth, only: is_false_overlap, shallow
+  use dotyk_contact_local_depth, only: is_false_overlap
   use dotyk_contact_point_contacts, only: flank_cosine, min_exposure, point_contact_t
   use dotyk_contact_projection, only: master_surface_t
   use dotyk_contact_tree_search, only: box_neighbourhood_t, facets_in_region
@@ -146,7 +146,7 @@ contains
     contact%weight = sine*length/4
     ! An overlap is shallower than the bodies are thick.
     found = -contact%gap <= min(slave%set%depth(f), master%set%depth(g))
-    if (found .and. contact%gap < -shallow*slave%set%size(f)) found = .not. is_false_overlap(slave, master, on_a, on_b)
+    if (found .and. contact%gap < -of_mesh*slave%set%size(f)) found = .not. is_false_overlap(slave, master, on_a, on_b)
 
   contains
 

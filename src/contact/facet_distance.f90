@@ -3,7 +3,7 @@
 !> triangles.
 module dotyk_contact_facet_distance
   use dotyk_base_kinds, only: dp
-  use dotyk_base_thresholds, only: same_number
+  use dotyk_base_thresholds, only: of_mesh, same_number
   use dotyk_mesh_facet, only: cross
   implicit none
   private
@@ -200,11 +200,9 @@ contains
     real(dp), intent(out) :: t  !! Place on the line, from its origin [length].
     real(dp) :: x(3), s, own(3)
     integer :: j
-    !> Lines nearly in the plane of the polygon meet nothing: cosine of their angle to the normal [].
-    real(dp), parameter :: min_cosine = 1.0e-3_dp
     meets = .false.
     t = 0
-    if (abs(dot_product(direction, normal)) < min_cosine) return
+    if (abs(dot_product(direction, normal)) < of_mesh) return
     t = dot_product(p(:, 1) - origin, normal)/dot_product(direction, normal)
     x = origin + t*direction
     if (n == 2) then

@@ -8,7 +8,7 @@
 !> Overlaps that are none are projections on the wrong side of a body.
 module dotyk_contact_local_depth
   use dotyk_base_kinds, only: dp
-  use dotyk_base_thresholds, only: same_place
+  use dotyk_base_thresholds, only: of_mesh, same_place
   use dotyk_contact_bounding_volume_tree, only: bounding_volume_tree_t
   use dotyk_contact_closest_point, only: closest_point_on_facet
   use dotyk_contact_facet_set, only: facet_position_and_normal, facet_set_t
@@ -27,8 +27,6 @@ module dotyk_contact_local_depth
   !> Ends of the way from a surface point into the body that do not count, relative to its length. Beside an edge the
   !> way may leave the body soon after it began.
   real(dp), parameter :: last_margin = 0.05_dp
-  !> Overlaps shallower than this fraction of the size of the facet behind the point are not examined.
-  real(dp), parameter, public :: shallow = 1.0e-3_dp
   integer, parameter :: n_steps = 4  !! Steps to the intersection of a ray with a curved facet.
   !> A point lies as deep in a body as its boundary is near: a projection this many times farther away is another side.
   real(dp), parameter :: most_ratio = 3

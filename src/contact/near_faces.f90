@@ -7,7 +7,7 @@
 !> nothing.
 module dotyk_contact_near_faces
   use dotyk_base_kinds, only: dp
-  use dotyk_base_thresholds, only: pi
+  use dotyk_base_thresholds, only: of_mesh, pi
   use dotyk_contact_body_faces, only: body_faces_t
   use dotyk_contact_bounding_volume_tree, only: bounding_volume_tree_t
   use dotyk_contact_facet_set, only: facet_set_t
@@ -22,8 +22,6 @@ module dotyk_contact_near_faces
 
   public :: find_near_faces
 
-  !> Edges meet within this fraction of the diameter of the smaller body [].
-  real(dp), parameter :: edge_distance = 1.0e-3_dp
   !> Cosine of the greatest angle between parallel edges: 5 degrees [].
   real(dp), parameter :: parallel_cosine = 0.9962_dp
 
@@ -322,7 +320,7 @@ contains
     real(dp) :: first, last, length, reach
     integer :: i, j
     meet = .false.
-    reach = edge_distance*min(a%diameter, b%diameter)
+    reach = of_mesh*min(a%diameter, b%diameter)
     if (a%n_corners(f) < 3) return
     do i = 1, a%n_corners(f)
       p = a%corner(:, i, f)

@@ -11,11 +11,11 @@
 !> projected along the normal.
 module dotyk_contact_point_contacts
   use dotyk_base_kinds, only: dp
-  use dotyk_base_thresholds, only: pi, same_place, shape_rounding, smooth_cosine
+  use dotyk_base_thresholds, only: of_mesh, pi, same_place, shape_rounding, smooth_cosine
   use dotyk_contact_adjacency, only: adjacency_t, corner_of, edges_of_corner
   use dotyk_contact_facet_set, only: corner_coordinates, corner_position, edge_coordinates, facet_position_and_normal, &
     facet_set_t
-  use dotyk_contact_local_depth, only: is_false_overlap, shallow
+  use dotyk_contact_local_depth, only: is_false_overlap
   use dotyk_contact_projection, only: master_surface_t, project_point, projection_found, projection_t
   use dotyk_mesh_facet, only: cross
   implicit none
@@ -49,8 +49,6 @@ module dotyk_contact_point_contacts
   real(dp), parameter, public :: min_exposure = -0.7_dp
   !> Facets count with at least this fraction of their area in weights.
   real(dp), parameter :: min_projected_area = 0.05_dp
-  !> The mean normal of the facets at a vertex has no direction where it is shorter than this.
-  real(dp), parameter, public :: no_direction = 1.0e-3_dp
   !> A vertex inside the surface is pointed where the mean of the unit normals around it is shorter than this.
   !> A smooth ridge is not, as of a cylinder of few facets: its normals lie in a plane, up to the sine `in_plane`.
   real(dp), parameter :: pointed = 0.95_dp, in_plane = 0.1_dp
@@ -122,7 +120,7 @@ contains
     type(projection_t) :: projection
     real(dp) :: slope
     real(dp), dimension(3) :: x, normal, foot, xu, xv
-    if (.not. norm2(mean) > no_direction) return
+    if (.not. norm2(mean) > of_mesh) return
     slope = max_slope
     if (norm2(mean) > pointed .or. is_smooth) then
       if (.not. is_at_boundary(surface%set, surface%adjacency, around, corner, edge)) return
@@ -135,7 +133,7 @@ contains
     foot = x + projection%distance*projection%normal
     ! Forces of the two sides have one line of action.
     if (norm2(foot - projection%position) > same_place*other%set%size(projection%facet)) return
-    if (projection%distance < -shallow*other%set%size(projection%facet)) then
+    if (projection%distance < -of_mesh*other%set%size(projection%facet)) then
       if (is_false_overlap(surface, other, x, foot)) return
     end if
     new%weight = projected_area(surface%set, around, projection%normal)

@@ -2,11 +2,11 @@
 module dotyk_contact_slave_points
   use dotyk_base_kinds, only: dp
   use dotyk_base_options, only: discretization_mortar, geometry_smooth, quadrature_segments
-  use dotyk_base_thresholds, only: pi
+  use dotyk_base_thresholds, only: of_mesh, pi
   use dotyk_contact_broad_phase, only: candidate_facets, facets_near_candidates
   use dotyk_contact_facet_set, only: facet_position_and_normal
   use dotyk_contact_gap_interpolation, only: add_vertices, interpolate_gaps
-  use dotyk_contact_local_depth, only: is_false_overlap, shallow
+  use dotyk_contact_local_depth, only: is_false_overlap
   use dotyk_contact_mortar_segments, only: build_segment_rules
   use dotyk_contact_pair, only: contact_pair_t, pair_settings_t
   use dotyk_contact_projection, only: master_surface_t, project_point, projection_found, projection_not_facing, &
@@ -126,7 +126,7 @@ contains
       if (projection(i)%status /= projection_found) cycle
       ! The elements overlap, whatever the smooth surfaces do.
       call facet_position_and_normal(master%set, projection(i)%facet, projection(i)%xi, foot, normal, xu, xv)
-      if (dot_product(x(:, i) - foot, projection(i)%normal) < shallow*master%set%size(projection(i)%facet)) cycle
+      if (dot_product(x(:, i) - foot, projection(i)%normal) < of_mesh*master%set%size(projection(i)%facet)) cycle
       if (is_false_overlap(slave, master, x(:, i), foot)) projection(i)%status = projection_outside
     end do
     !$omp end parallel do

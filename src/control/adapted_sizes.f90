@@ -9,7 +9,7 @@ module dotyk_control_adapted_sizes
   use dotyk_base_kinds, only: dp, int64
   use dotyk_base_options, only: analysis_axisymmetric
   use dotyk_base_text, only: quoted, text_t
-  use dotyk_base_thresholds, only: pi
+  use dotyk_base_thresholds, only: notable, pi
   use dotyk_contact_broad_phase, only: overlapping_boxes
   use dotyk_control_body_solution, only: element_field_t
   use dotyk_control_contact_problem, only: contact_problem_t
@@ -66,9 +66,9 @@ module dotyk_control_adapted_sizes
   !> Error of the contact conditions up to which the error of the mesh is one to rely on: contact that the mesh does not
   !> resolve is in this one alone [].
   real(dp), parameter, public :: resolved = 0.3_dp
-  !> Order of convergence of quadratic elements, and that which singular elements are given: those with more than this
-  !> fraction of the squared error [].
-  real(dp), parameter :: order = 2, singular_order = 0.5_dp, singular = 0.01_dp
+  !> Order of convergence of quadratic elements, and that which singular elements are given: those with a notable part
+  !> of the squared error [].
+  real(dp), parameter :: order = 2, singular_order = 0.5_dp
   !> Sizes change by these factors in a round at most; those of singular elements become smaller by up to the last [].
   real(dp), parameter :: least_ratio = 0.15_dp, greatest_ratio = 4, singular_ratio = 0.01_dp
   real(dp), parameter :: over_radius = 4  !! Elements over the radius of a contact patch.
@@ -358,7 +358,7 @@ contains
         allocate (one%p(size(one%square)), source=order)
         allocate (one%least(size(one%square)), source=least_ratio)
         if (.not. first) then
-          where (one%square > singular*total)
+          where (one%square > notable*total)
             one%p = singular_order
             one%least = singular_ratio
           end where

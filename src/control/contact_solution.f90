@@ -5,7 +5,7 @@ module dotyk_control_contact_solution
   use dotyk_base_error, only: error_t
   use dotyk_base_interrupt, only: interrupted
   use dotyk_base_kinds, only: dp
-  use dotyk_base_thresholds, only: least_gain
+  use dotyk_base_thresholds, only: least_gain, notable
   use dotyk_contact_facet_bending, only: bending_t
   use dotyk_control_body_solution, only: body_solution_t, displacements_t, recover_bodies
   use dotyk_control_contact_problem, only: contact_problem_t
@@ -65,8 +65,6 @@ module dotyk_control_contact_solution
   integer, parameter :: most_bendings = 2
   real(dp), parameter :: few_units = 4  !! So many units in the last place are as good as one.
   integer, parameter :: most_corrections = 8  !! Corrections at most.
-  !> Corrections below this fraction of the tolerance end the iteration.
-  real(dp), parameter :: small_correction = 0.01_dp
 
 contains
 
@@ -325,7 +323,7 @@ contains
       end if
       rounding = (compliance%distance(qp, state%pressure - last%pressure, state%alpha - last%alpha) + left)/ &
                  max(tiny(left), state%norm(qp))
-      if (rounding <= max(least_residual, small_correction*run%settings%tolerance) .or. &
+      if (rounding <= max(least_residual, notable*run%settings%tolerance) .or. &
           .not. rounding < least_gain*before) exit
       before = rounding
     end do

@@ -6,7 +6,7 @@ module dotyk_control_couple_penetration
   use, intrinsic :: ieee_arithmetic, only: ieee_is_nan
   use dotyk_base_kinds, only: dp
   use dotyk_base_parcel, only: parcel_t
-  use dotyk_base_thresholds, only: given_rounding, same_place
+  use dotyk_base_thresholds, only: given_rounding, notable, of_mesh, same_place
   use dotyk_contact_facet_set, only: facet_position_and_normal
   use dotyk_contact_met_points, only: add_met_points, inside_point_t, is_same, met_point_t
   use dotyk_contact_passage_search, only: swept_facets_t
@@ -56,11 +56,6 @@ module dotyk_control_couple_penetration
 
   !> Thickness of parts relative to their smallest facet: less is not looked for.
   real(dp), parameter :: least_thickness = 0.01_dp
-  !> Depths below this fraction of the largest displacement of the two bodies beside their common rigid motion are not
-  !> told.
-  real(dp), parameter :: least_fraction = 1.0e-3_dp
-  !> Error bounds above this leave nothing to check: the slack grows no further.
-  real(dp), parameter :: largest_bound = 0.01_dp
   !> Depths between contact rows are told from this part of what the two bodies move on.
   real(dp), parameter :: told_part = 0.25_dp
   !> Only bodies whose boxes before deformation differ by less than this fraction of their diagonal are looked at [].
@@ -177,7 +172,7 @@ contains
     a_in_b = body_penetration_t(a, b)
     b_in_a = body_penetration_t(b, a)
     call measure_motion(parts_a, parts_b, tolerance%moved, rounding)
-    tolerance%slack = (least_fraction + min(largest_bound, max(0.0_dp, error_bound)))*tolerance%moved + rounding
+    tolerance%slack = (of_mesh + min(notable, max(0.0_dp, error_bound)))*tolerance%moved + rounding
     do i = 1, size(parts_a%part)
       do j = merge(i + 1, 1, a == b), size(parts_b%part)
         associate (p => parts_a%part(i), q => parts_b%part(j))

@@ -4,6 +4,7 @@ module dotyk_control_mesh_error
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp, int64
   use dotyk_base_memory, only: allowance_t, memory_now, memory_t
+  use dotyk_base_thresholds, only: notable
   use dotyk_control_body_solution, only: body_solution_t, displacements_t
   use dotyk_control_contact_problem, only: congruent_group_t, congruent_groups, contact_problem_t, most_bodies
   use dotyk_control_kept_estimates, only: kept_class_t, kept_estimates_t, most_of_memory
@@ -18,9 +19,6 @@ module dotyk_control_mesh_error
   implicit none
   private
   public :: collect_thermal, estimate_mesh_errors, to_representative
-
-  !> Elements with a squared error below this fraction of the mean of all keep that of their recovered strains.
-  real(dp), parameter :: least_share = 0.01_dp
 
 contains
 
@@ -69,7 +67,7 @@ contains
           if (allocated(block(j)%square(b)%value)) of_elements(b) = sum(block(j)%square(b)%value)
         end do
         call problem%ranks%share_sum(of_elements)
-        least(j) = least_share*sum(of_elements)/n
+        least(j) = notable*sum(of_elements)/n
         call problem%ranks%share_sum(of_body(:, j))
         block(j)%norm_square = sum(of_body(:, j))
       end do

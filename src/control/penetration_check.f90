@@ -9,6 +9,7 @@ module dotyk_control_penetration_check
   use dotyk_base_kinds, only: dp
   use dotyk_base_parcel, only: parcel_t
   use dotyk_base_sort, only: sort_order
+  use dotyk_base_thresholds, only: of_mesh
   use dotyk_contact_broad_phase, only: overlapping_boxes
   use dotyk_contact_met_points, only: met_point_t
   use dotyk_control_body_solution, only: body_solution_t
@@ -51,8 +52,6 @@ module dotyk_control_penetration_check
   integer, parameter :: many = 4
   !> Couples that are checked before the boundaries of bodies are given up that no later ones need.
   integer, parameter :: most_at_once = 2048
-  !> Overlaps below this fraction of the diameter of the smaller body, before loading, are those of meshes [].
-  real(dp), parameter :: least_overlap = 1.0e-3_dp
 
 contains
 
@@ -85,7 +84,7 @@ contains
                            [(0.0_dp, k=1, size(problem%pair))], 0.0_dp, check, &
                            beside_pairs=.true.)
     associate (of_body => check%found%body, other => check%found%other)
-      found = pack(check%found, [(check%found(k)%worst%depth > least_overlap* &
+      found = pack(check%found, [(check%found(k)%worst%depth > of_mesh* &
                                   min(problem%body(of_body(k))%mesh%diameter(), &
                                       problem%body(other(k))%mesh%diameter()), k=1, size(check%found))])
     end associate

@@ -13,7 +13,7 @@ module dotyk_distributed_system
   use dotyk_base_error, only: error_t
   use dotyk_base_interrupt, only: interrupted
   use dotyk_base_kinds, only: dp
-  use dotyk_base_thresholds, only: golden
+  use dotyk_base_thresholds, only: golden, rough
   use dotyk_contact_operator, only: contact_operator_t
   use dotyk_distributed_contact_rows, only: without_rounding
   use dotyk_distributed_operator, only: system_operator_t
@@ -66,9 +66,7 @@ module dotyk_distributed_system
   !> prox as a fraction of the compliance of the rows in the smoother: with 1/1000 coarse levels, whose smoothers do not
   !> know the rows, take up to twice the iterations, with 1/20 proximal steps are more.
   real(dp), parameter :: proximal_fraction = 1.0e-2_dp
-  !> Accuracy of the solution without contact that the iteration begins with [], and iterations of it at most.
-  real(dp), parameter :: start_reduction = 1.0e-2_dp
-  integer, parameter :: most_of_start = 500
+  integer, parameter :: most_of_start = 500  !! Iterations at most of the solution that the iteration begins with.
   !> Reduction of the residual, and iterations, that measure Ritz values.
   real(dp), parameter :: reduction_of_sample = 1.0e-8_dp
   integer, parameter :: most_of_sample = 45
@@ -123,7 +121,7 @@ contains
     logical :: active(self%n_rows)
     r = self%load
     call self%remove_modes(r)
-    call self%solve_alone(r, start_reduction, most_of_start, u, outcome, error)
+    call self%solve_alone(r, rough, most_of_start, u, outcome, error)
     if (allocated(error)) u(:) = 0
     ! Without motions of floating bodies the rows that they close are far from the solution, and active sets many.
     if (qp%coarse%n > 0) then

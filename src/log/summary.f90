@@ -5,7 +5,7 @@ module dotyk_log_summary
   use dotyk_base_log, only: log_t
   use dotyk_base_options, only: stop_increment, stop_paper
   use dotyk_base_text, only: counted, quoted, to_text
-  use dotyk_base_thresholds, only: rounding
+  use dotyk_base_thresholds, only: notable, rounding
   use dotyk_contact_pair, only: contact_pair_t
   use dotyk_control_congruence_classes, only: congruence_classes_t
   use dotyk_control_contact_problem, only: contact_problem_t
@@ -288,7 +288,6 @@ contains
     type(log_t), intent(inout) :: log  !! The log.
     type(contact_pair_t), intent(in) :: pair(:)  !! The pairs (n_pairs).
     type(gap_doubt_t), intent(in) :: doubt(:)  !! Of each (n_pairs).
-    real(dp), parameter :: considerable = 0.01_dp  !! Part of the greatest value of a scene that gets a line [].
     integer, parameter :: most_lines = 5  !! Lines at most.
     real(dp) :: part(size(doubt))
     logical :: is_shown(size(doubt)), is_low(size(doubt))
@@ -298,16 +297,16 @@ contains
     if (any(ieee_is_nan(doubt%force_change)) .and. any(doubt%uncertainty > 0)) &
       call log%line('  uncertain        gaps are known to '//to_text(maxval(doubt%uncertainty), 2)// &
                     ' only; what hangs on them could not be found')
-    is_low = doubt%hertz_peak > (1 + considerable)*doubt%peak
+    is_low = doubt%hertz_peak > (1 + notable)*doubt%peak
     part = max(doubt%force_part, doubt%moved_part)
     is_shown = .false.
-    do i = 1, min(most_lines, count(part > considerable))
+    do i = 1, min(most_lines, count(part > notable))
       k = maxloc(part, dim=1, mask=.not. is_shown)
       is_shown(k) = .true.
       line = ''
-      if (doubt(k)%force_part > considerable) &
+      if (doubt(k)%force_part > notable) &
         line = ' contact force '//to_text(doubt(k)%force, 4)//', uncertain by '//to_text(doubt(k)%force_change, 2)
-      if (doubt(k)%moved_part > considerable) line = &
+      if (doubt(k)%moved_part > notable) line = &
         line//trim(merge(',', ' ', len(line) > 0))//' normal displacements uncertain by '// &
         to_text(doubt(k)%moved_change, 2)
       if (doubt(k)%uncertainty > 0) then
@@ -318,7 +317,7 @@ contains
                       to_text(maxval(doubt%uncertainty), 2)//' only: its'//line)
       end if
     end do
-    i = count(part > considerable) - most_lines
+    i = count(part > notable) - most_lines
     if (i > 0) call log%line('                   and '//counted(i, 'other pair'))
     if (any(is_shown)) call log%line('                   refine the surfaces there, or use quadratic elements on '// &
                                      'curved geometry')

@@ -4,7 +4,7 @@ module dotyk_mesh_body_cut
   use dotyk_base_error, only: error_t, exit_bad_input, set_error
   use dotyk_base_kinds, only: dp, int64
   use dotyk_base_text, only: quoted, to_text
-  use dotyk_base_thresholds, only: same_number
+  use dotyk_base_thresholds, only: of_mesh, same_number
   use dotyk_mesh_body_mesh, only: body_mesh_t
   use dotyk_mesh_boundary, only: extract_boundary
   use dotyk_mesh_corner_table, only: corner_table_t
@@ -20,7 +20,6 @@ module dotyk_mesh_body_cut
   !> Area of a cut, seen along the normal, as a fraction of the section of the body by the plane, at least: a cut
   !> through a prism has all of it, one across the edge between two faces less [].
   real(dp), parameter :: least_fraction = 0.7_dp
-  real(dp), parameter :: nothing = 1.0e-3_dp  !! Sections below this fraction of that by the plane are none [].
   integer, parameter :: max_corners = 4  !! Greatest number of corners of a face.
 
 contains
@@ -131,7 +130,7 @@ contains
       end associate
     end do
     ! Beyond an end there is none.
-    fraction = cut/minval(section, mask=section > nothing*section(0))
+    fraction = cut/minval(section, mask=section > of_mesh*section(0))
 
   contains
 

@@ -9,7 +9,7 @@ module dotyk_mesh_joints
   use dotyk_base_parcel, only: parcel_t
   use dotyk_base_sort, only: sort_order
   use dotyk_base_text, only: counted, to_text
-  use dotyk_base_thresholds, only: facing, generic_direction, same_place
+  use dotyk_base_thresholds, only: facing, generic_direction, of_mesh, same_place
   use dotyk_mesh_body_mesh, only: body_mesh_t, connected_components
   use dotyk_mesh_boundary, only: boundary_facets_t, max_corners
   use dotyk_mesh_element, only: element_kind, element_kind_t
@@ -36,9 +36,8 @@ module dotyk_mesh_joints
     real(dp) :: depth = 0, width = 0  !! Greatest depth of an overlap, and greatest width of a slit [length].
   end type findings_t
 
-  !> What is nearer than the first fraction of the size of elements and facets is a slit that may not be meant; parts
-  !> overlap up to the second, as they do where polygons stand for one arc.
-  real(dp), parameter :: slit_width = 1.0e-3_dp, deepest = 0.2_dp
+  !> Parts overlap up to this fraction of the size of elements, as they do where polygons stand for one arc.
+  real(dp), parameter :: deepest = 0.2_dp
   !> Sample points of a facet: its centre, and this far from it to each corner [].
   real(dp), parameter, public :: towards_corner = 0.9_dp
 
@@ -217,7 +216,7 @@ contains
       if (abs(gap) <= same_place*thinnest) then
         found%touches(i) = .true.
       else if (gap > 0) then
-        if (gap > slit_width*thinnest) cycle
+        if (gap > of_mesh*thinnest) cycle
         found%close(i) = .true.
         found%width = max(found%width, gap)
       else if (component(facets%corner(1, i)) /= component(facets%corner(1, j))) then

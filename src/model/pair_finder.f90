@@ -4,6 +4,7 @@ module dotyk_model_pair_finder
   use dotyk_base_error, only: error_t, exit_bad_input, problem_list_t
   use dotyk_base_kinds, only: dp
   use dotyk_base_text, only: join, quoted, text_t, to_text
+  use dotyk_base_thresholds, only: of_mesh
   use dotyk_contact_body_faces, only: body_faces_t
   use dotyk_contact_near_faces, only: find_near_faces
   use dotyk_contact_near_facets, only: near_faces_t, search_distance
@@ -14,7 +15,7 @@ module dotyk_model_pair_finder
   use dotyk_model_body_surfaces, only: body_surfaces_t
   use dotyk_model_boundary_patch, only: facet_graph_t, first_is_slave, grow_patch
   use dotyk_model_pair_list, only: are_tied, exclusion_of, exclusion_texts, merge_double_pairs, pair_list_t
-  use dotyk_model_unnamed_faces, only: list_distant_bodies, list_unnamed_faces, touching
+  use dotyk_model_unnamed_faces, only: list_distant_bodies, list_unnamed_faces
   implicit none
   private
   public :: form_pairs
@@ -108,7 +109,7 @@ contains
     if (allocated(error)) return
     if (size(body) > 1) then
       if (abs(searched) > 0) then
-        call find_near_faces(faces, 0.0_dp, near, named_bodies(), touching)
+        call find_near_faces(faces, 0.0_dp, near, named_bodies(), of_mesh)
         call inside%leave_out(near)
       end if
       call list_unnamed_faces(case, surfaces, faces, near, list, report%unnamed)

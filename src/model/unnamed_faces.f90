@@ -2,7 +2,7 @@
 !> And bodies in no pair that others come near, just beyond the search distance: the log says what distance finds them.
 module dotyk_model_unnamed_faces
   use dotyk_base_kinds, only: dp
-  use dotyk_base_thresholds, only: facing
+  use dotyk_base_thresholds, only: facing, of_mesh
   use dotyk_contact_body_faces, only: body_faces_t
   use dotyk_contact_near_facets, only: find_facets, near_faces_t, search_distance
   use dotyk_contact_pair_report, only: distant_body_t, unnamed_faces_t
@@ -12,10 +12,6 @@ module dotyk_model_unnamed_faces
   implicit none
   private
   public :: list_unnamed_faces, list_distant_bodies
-
-  !> Where other faces of two bodies are in a pair, faces count up to this distance, as a fraction of the diameter
-  !> of the smaller body: those who name a part of a curved face mean to leave the rest out [].
-  real(dp), parameter, public :: touching = 1.0e-3_dp
 
   real(dp), parameter :: beyond = 3  !! Bodies up to this many search distances away count [].
 
@@ -38,7 +34,7 @@ contains
         open = near(i)%opposite
         k = list%between(a, b, 0)
         if (k > 0) then
-          open = open .and. abs(near(i)%distance) <= touching*min(faces(a)%diameter, faces(b)%diameter)
+          open = open .and. abs(near(i)%distance) <= of_mesh*min(faces(a)%diameter, faces(b)%diameter)
           call leave_flanks(faces(a), faces(b), near(i), open)
           if (any(open)) call leave_pairs(surfaces, near(i), list, open)
         end if

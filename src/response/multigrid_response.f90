@@ -5,6 +5,7 @@
 module dotyk_response_multigrid_response
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp, int64
+  use dotyk_base_thresholds, only: rough
   use dotyk_elasticity_body, only: body_t, stiffness_t
   use dotyk_elasticity_body_modes, only: body_modes_t
   use dotyk_linalg_conjugate_gradient, only: cg_outcome_t, conjugate_gradient
@@ -49,7 +50,6 @@ module dotyk_response_multigrid_response
 
   !> Reduction of the residual of a solve: a few digits below the tolerances that users ask for [].
   real(dp), parameter, public :: accuracy = 1.0e-10_dp
-  real(dp), parameter :: rough = 1.0e-2_dp  !! The same of a start that is improved on [].
   !> Iterations of a solve at most. Where the p-multigrid works, a tenth of them suffices.
   integer, parameter :: most_steps = 200
   !> Iterations that measure Ritz values at most before a body is solved: those of a solve that takes up to 100.

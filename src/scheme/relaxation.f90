@@ -5,7 +5,7 @@ module dotyk_scheme_relaxation
   use dotyk_base_kinds, only: dp
   use dotyk_base_options, only: gamma_fixed, gamma_theory, stop_paper
   use dotyk_base_text, only: to_text
-  use dotyk_base_thresholds, only: largest_square
+  use dotyk_base_thresholds, only: largest_square, rough
   use dotyk_linalg_spectrum, only: largest_eigenvalue, linear_operator_t
   use dotyk_scheme_bounds, only: iteration_constants_t
   use dotyk_scheme_compliance, only: compliance_t
@@ -27,7 +27,6 @@ module dotyk_scheme_relaxation
     procedure :: apply => penalty_compliance_apply
   end type penalty_compliance_t
 
-  real(dp), parameter :: tolerance = 1.0e-2_dp  !! Relative residual at which the Ritz value is taken for converged.
   !> Factor of Ritz value plus residual: a Ritz value can have converged to the second eigenvalue.
   real(dp), parameter, public :: margin = 1.02_dp
   integer, parameter :: most_steps = 100  !! Lanczos steps at most.
@@ -54,7 +53,7 @@ contains
     integer, intent(in) :: n  !! Order of the operator.
     real(dp) :: ritz, residual
     integer :: steps
-    call largest_eigenvalue(operator, n, tolerance, most_steps, ritz, residual, steps)
+    call largest_eigenvalue(operator, n, rough, most_steps, ritz, residual, steps)
     value = margin*(ritz + residual)
     if (interrupted()) value = largest_square
   end function upper_estimate
