@@ -26,25 +26,15 @@ module dotyk_response_direct
   private
   public :: remove_modes
 
-  type :: substitution_t  !! What forward substitutions need beside the factor.
-    !> Elimination tree of the factor; not allocated before it is needed.
-    type(elimination_tree_t), allocatable, private :: tree
-    !> Z (n_equations, n_modes) and R^T Z (n_modes, n_modes) [length/force].
-    real(dp), allocatable, private :: regularized(:, :), product_of_modes(:, :)
-  contains
-    procedure :: init => substitution_init
-    procedure :: path_entries => substitution_path_entries
-    procedure :: substitute => substitution_substitute
-    procedure :: product => substitution_product
-    procedure :: destroy => substitution_destroy
-  end type substitution_t
-
   !> Compliance operator by triangular solves. It owns a factor: never copy it, destroy it in the end.
   type, extends(response_t), public :: direct_response_t
     type(cholesky_t) :: factor  !! Factor of the (regularized) stiffness.
     !> Equations that springs regularize, one for each rigid body mode; chosen by `analyze` (n_modes).
     integer, allocatable :: fixing_equation(:)
-    type(substitution_t), private :: substitution  !! What forward substitutions need beside the factor.
+    !> What forward substitutions need beside the factor: its elimination tree, not allocated before it is needed; Z
+    !> (n_equations, n_modes) and R^T Z (n_modes, n_modes) [length/force].
+    type(elimination_tree_t), allocatable, private :: tree
+    real(dp), allocatable, private :: regularized(:, :), product_of_modes(:, :)
   contains
     procedure :: analyze => direct_analyze
     procedure :: factorize => direct_factorize
@@ -124,25 +114,49 @@ contains
     end do
   end subroutine direct_solve_block
 
-  !> Make ready for forward substitutions.
+  !> Make ready for forward substitutions; nothing is done where it is ready already.
   subroutine direct_prepare_substitution(self)
     class(direct_response_t), intent(inout) :: self
-    call self%substitution%init(self%factor, self%mode)
+    if (allocated(self%regularized)) return
+    call find_tree(self)
+    ! The tree may be from before the factorization.
+    call self%factor%supernodes(self%tree%list)
+    allocate (self%regularized, source=self%mode)
+    call self%factor%solve_block(self%regularized)
+    allocate (self%product_of_modes(size(self%mode, 2), size(self%mode, 2)))
+    call transposed_product(self%mode, self%regularized, self%product_of_modes)
   end subroutine direct_prepare_substitution
+
+  !> The elimination tree.
+  subroutine find_tree(self)
+    class(direct_response_t), intent(inout) :: self  !! Analysed; gets the elimination tree, unless it has it.
+    if (allocated(self%tree)) return
+    allocate (self%tree)
+    call self%tree%init(self%factor)
+  end subroutine find_tree
 
   !> Entries of the factor on the elimination-tree paths from some equations to the root, on average.
   real(dp) function direct_path_entries(self, equation) result(entries)
     class(direct_response_t), intent(inout) :: self
     integer, intent(in) :: equation(:)  !! Where the paths begin (n).
-    entries = self%substitution%path_entries(self%factor, equation)
+    call find_tree(self)
+    entries = self%tree%path_entries(equation)
   end function direct_path_entries
 
   !> Forward substitution of rows.
   subroutine direct_substitute(self, rows, substituted)
     class(direct_response_t), intent(in) :: self
     type(sparse_rows_t), intent(in) :: rows  !! Rows over the equations.
-    type(substituted_rows_t), intent(inout) :: substituted  !! L^{-1} of them.
-    call self%substitution%substitute(rows, self%mode, substituted)
+    type(substituted_rows_t), intent(inout) :: substituted  !! L^{-1} of them, and their products with R and Z.
+    integer :: k
+    call substituted%forward%init(self%tree, rows)
+    associate (n => size(self%mode, 2))
+      allocate (substituted%along(rows%n_rows, n), substituted%regularized(rows%n_rows, n))
+      do k = 1, n
+        call rows%multiply(self%mode(:, k), substituted%along(:, k))
+        call rows%multiply(self%regularized(:, k), substituted%regularized(:, k))
+      end do
+    end associate
   end subroutine direct_substitute
 
   !> c_ij = a_i K^+ b_j.
@@ -151,84 +165,21 @@ contains
     type(substituted_rows_t), intent(in) :: a, b  !! Rows of the two sides.
     logical, intent(in) :: same  !! Whether a and b are the same rows.
     real(dp), intent(out) :: c(:, :)  !! Entries between the rows (a%forward%n, b%forward%n) [length/force].
-    call self%substitution%product(a, b, same, c)
+    call forward_product(self%tree, a%forward, b%forward, same, c)
+    if (size(a%along, 2) == 0) return
+    c = c - matmul(a%regularized, transpose(b%along)) - matmul(a%along, transpose(b%regularized)) + &
+      matmul(matmul(a%along, self%product_of_modes), transpose(b%along))
   end subroutine direct_product
 
   !> Give back all memory.
   subroutine direct_destroy(self)
     class(direct_response_t), intent(inout) :: self
     call self%factor%destroy()
-    call self%substitution%destroy()
+    if (allocated(self%tree)) deallocate (self%tree)
+    if (allocated(self%regularized)) deallocate (self%regularized, self%product_of_modes)
     if (allocated(self%mode)) deallocate (self%mode)
     if (allocated(self%fixing_equation)) deallocate (self%fixing_equation)
   end subroutine direct_destroy
-
-  !> Make ready; nothing is done where it is ready already.
-  subroutine substitution_init(self, factor, mode)
-    class(substitution_t), intent(inout) :: self
-    type(cholesky_t), intent(in) :: factor  !! Factorized.
-    real(dp), intent(in) :: mode(:, :)  !! Rigid body modes (n_equations, n_modes) [].
-    if (allocated(self%regularized)) return
-    call find_tree(self, factor)
-    ! The tree may be from before the factorization.
-    call factor%supernodes(self%tree%list)
-    allocate (self%regularized, source=mode)
-    call factor%solve_block(self%regularized)
-    allocate (self%product_of_modes(size(mode, 2), size(mode, 2)))
-    call transposed_product(mode, self%regularized, self%product_of_modes)
-  end subroutine substitution_init
-
-  !> The elimination tree.
-  subroutine find_tree(self, factor)
-    type(substitution_t), intent(inout) :: self  !! Gets the elimination tree, unless it has it.
-    type(cholesky_t), intent(in) :: factor  !! Analysed.
-    if (allocated(self%tree)) return
-    allocate (self%tree)
-    call self%tree%init(factor)
-  end subroutine find_tree
-
-  !> Entries of the factor from an equation to the root of the elimination tree, on average over some equations.
-  real(dp) function substitution_path_entries(self, factor, equation) result(entries)
-    class(substitution_t), intent(inout) :: self
-    type(cholesky_t), intent(in) :: factor  !! Analysed.
-    integer, intent(in) :: equation(:)  !! Where the paths begin (n).
-    call find_tree(self, factor)
-    entries = self%tree%path_entries(equation)
-  end function substitution_path_entries
-
-  !> Forward substitution of rows.
-  subroutine substitution_substitute(self, rows, mode, substituted)
-    class(substitution_t), intent(in) :: self
-    type(sparse_rows_t), intent(in) :: rows  !! Rows over the equations.
-    real(dp), intent(in) :: mode(:, :)  !! As in `init` (n_equations, n_modes) [].
-    type(substituted_rows_t), intent(inout) :: substituted  !! L^{-1} of them, and their products with R and Z.
-    integer :: k
-    call substituted%forward%init(self%tree, rows)
-    allocate (substituted%along(rows%n_rows, size(mode, 2)), substituted%regularized(rows%n_rows, size(mode, 2)))
-    do k = 1, size(mode, 2)
-      call rows%multiply(mode(:, k), substituted%along(:, k))
-      call rows%multiply(self%regularized(:, k), substituted%regularized(:, k))
-    end do
-  end subroutine substitution_substitute
-
-  !> c_ij = a_i K^+ b_j.
-  subroutine substitution_product(self, a, b, same, c)
-    class(substitution_t), intent(in) :: self
-    type(substituted_rows_t), intent(in) :: a, b  !! Rows of the two sides.
-    logical, intent(in) :: same  !! Whether a and b are the same rows.
-    real(dp), intent(out) :: c(:, :)  !! Entries between the rows (a%forward%n, b%forward%n) [length/force].
-    call forward_product(self%tree, a%forward, b%forward, same, c)
-    if (size(a%along, 2) == 0) return
-    c = c - matmul(a%regularized, transpose(b%along)) - matmul(a%along, transpose(b%regularized)) + &
-      matmul(matmul(a%along, self%product_of_modes), transpose(b%along))
-  end subroutine substitution_product
-
-  !> Give back all memory.
-  subroutine substitution_destroy(self)
-    class(substitution_t), intent(inout) :: self
-    if (allocated(self%tree)) deallocate (self%tree)
-    if (allocated(self%regularized)) deallocate (self%regularized, self%product_of_modes)
-  end subroutine substitution_destroy
 
   !> x := P x.
   pure subroutine remove_modes(mode, x)
