@@ -7,7 +7,7 @@
 !> straight and projected edges bend.
 module dotyk_contact_auxiliary_plane
   use dotyk_base_kinds, only: dp
-  use dotyk_base_thresholds, only: rounding, shape_rounding
+  use dotyk_base_thresholds, only: few_roundings, given_rounding, rounding, shape_rounding
   use dotyk_contact_facet_polynomial, only: evaluate_facet
   use dotyk_contact_facet_set, only: facet_set_t
   use dotyk_contact_polygon, only: append_corner, polygon_t, signed_area
@@ -41,8 +41,6 @@ module dotyk_contact_auxiliary_plane
   integer, parameter :: max_steps = 30  !! Newton steps of an inverse map; they converge quadratically, in 3 to 6.
   !> An inverse map is found where the last Newton step is below this; the next step is round-off.
   real(dp), parameter :: converged_step = 1.0e-10_dp
-  !> No further Newton step improves the result where the step is below this, or below `stalled_step` after convergence.
-  real(dp), parameter :: round_off_step = 1.0e-14_dp, stalled_step = 1.0e-13_dp
 
 contains
 
@@ -176,7 +174,7 @@ contains
       step = [r(1)*v(2) - r(2)*v(1), u(1)*r(2) - u(2)*r(1)]/determinant
       xi = xi + step
       if (.not. maxval(abs(xi)) < divergence_limit) return
-      if (maxval(abs(step)) <= round_off_step .or. (ok .and. maxval(abs(step)) <= stalled_step)) exit
+      if (maxval(abs(step)) <= few_roundings .or. (ok .and. maxval(abs(step)) <= given_rounding)) exit
       ok = maxval(abs(step)) <= converged_step
     end do
     ok = maxval(abs(step)) <= converged_step

@@ -348,28 +348,17 @@ contains
     real(dp), intent(in) :: factor_entries  !! Entries of the factor [].
     !> Entries of the factor from a contact unknown to the root of the elimination tree [].
     real(dp), intent(in) :: path_entries
+    real(dp) :: of_solves, of_matrix, n
     cheaper = .false.
     if (work%n_steps == 0 .or. 8*real(work%n_rows, dp)**2/work%n_bodies > most_bytes) return
-    cheaper = cost_of_matrix(work, path_entries) < cost_of_solves(work, factor_entries)
-  end function matrix_is_cheaper
-
-  !> Triangular solves: each entry of the factor twice, an addition and a multiplication.
-  pure real(dp) function cost_of_solves(work, entries) result(cost)
-    type(workload_t), intent(in) :: work  !! Products to come.
-    real(dp), intent(in) :: entries  !! Entries of the factor [].
-    cost = slowness_of_solves*4*entries*work%n_steps*work%n_bodies
-  end function cost_of_solves
-
-  !> Forming the matrix, and multiplying with it.
-  pure real(dp) function cost_of_matrix(work, path) result(cost)
-    type(workload_t), intent(in) :: work  !! Products to come.
-    !> Entries from a contact unknown to the root []; the unknowns on the path are about the root of twice as many.
-    real(dp), intent(in) :: path
-    real(dp) :: n
+    ! Triangular solves: each entry of the factor twice, an addition and a multiplication.
+    of_solves = slowness_of_solves*4*factor_entries*work%n_steps*work%n_bodies
+    ! Forming the matrix, and multiplying with it; the unknowns on the path are about the root of twice its entries.
     n = real(work%n_rows, dp)/work%n_bodies
-    cost = work%n_bodies*(slowness_of_substitution*(2*path*n + sqrt(2*path)*n**2) + &
-      slowness_of_solves*2*n**2*work%n_steps)
-  end function cost_of_matrix
+    of_matrix = work%n_bodies*(slowness_of_substitution*(2*path_entries*n + sqrt(2*path_entries)*n**2) + &
+                               slowness_of_solves*2*n**2*work%n_steps)
+    cheaper = of_matrix < of_solves
+  end function matrix_is_cheaper
 
   !> Peak memory [bytes].
   real(dp) function predicted_memory(n_unknowns, n_rows, size_of, used, n_tied, linear_solver, room) result(memory)

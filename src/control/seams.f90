@@ -9,7 +9,7 @@
 module dotyk_control_seams
   use dotyk_base_kinds, only: dp
   use dotyk_base_sort, only: sort_order
-  use dotyk_base_thresholds, only: generic_direction, of_mesh, sharp_cosine
+  use dotyk_base_thresholds, only: facing, generic_direction, of_mesh, sharp_cosine
   use dotyk_contact_pair, only: contact_pair_t
   use dotyk_control_contact_problem, only: tied_surfaces_t
   use dotyk_elasticity_body, only: body_t
@@ -18,9 +18,6 @@ module dotyk_control_seams
   implicit none
   private
   public :: count_split_rows, find_seams, pair_of_other_roles
-
-  !> A point is between two others where it sees them in opposite directions: cosine of the angle between these at most.
-  real(dp), parameter :: between = -0.5_dp
 
   type :: side_rows_t  !! Contact rows at the edge of one side of a tie.
     integer, allocatable :: row(:), pair(:), own(:)  !! The rows, their pairs, and their numbers in these (n).
@@ -166,7 +163,7 @@ contains
         if (.not. is_one_surface(pair, tie, slave, i, master, candidate)) cycle
         n_split = 1
         if (n == 1) then
-          if (dot_product(arm(:, next(1)), arm(:, candidate)) > between*distance(next(1))*distance(candidate)) cycle
+          if (dot_product(arm(:, next(1)), arm(:, candidate)) > facing*distance(next(1))*distance(candidate)) cycle
         end if
         n = n + 1
         next(n) = candidate
