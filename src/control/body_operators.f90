@@ -20,9 +20,8 @@ module dotyk_control_body_operators
   use dotyk_mesh_surface, only: surface_t
   use dotyk_ranks_communication, only: n_ranks
   use dotyk_ranks_exchange, only: item_t, share, share_errors
-  use dotyk_response_near_null_modes, only: separate_by_contact
   use dotyk_response_response, only: response_slot_t
-  use dotyk_response_stiffness_factor, only: factorization_report_t
+  use dotyk_response_stiffness_factor, only: factorization_report_t, separate_by_contact
   use dotyk_scheme_body_compliance, only: body_operator_t
   use dotyk_scheme_coarse_space, only: coarse_space_t, contact_modes_t
   implicit none
