@@ -51,7 +51,7 @@ module dotyk_base_thresholds
   !> [].
   real(dp), parameter, public :: smooth_cosine = cos(25*pi/180)
   !> Faces face each other where the cosine of the angle between their normals is below this: 120 degrees [].
-  real(dp), parameter, public :: facing = -0.5_dp
+  real(dp), parameter, public :: opposite_cosine = -0.5_dp
   !> A generic direction: not normal to the planes of a regular mesh, whose nodes would all be close along it (3) [].
   real(dp), parameter, public :: generic_direction(3) = [0.5453920137_dp, golden, 0.5663117921_dp]
 end module dotyk_base_thresholds

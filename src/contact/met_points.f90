@@ -7,7 +7,7 @@
 !> the edge would let the point slide off to the other facet.
 module dotyk_contact_met_points
   use dotyk_base_kinds, only: dp
-  use dotyk_base_thresholds, only: facing, same_place, sharp_cosine
+  use dotyk_base_thresholds, only: opposite_cosine, same_place, sharp_cosine
   use dotyk_contact_closest_point, only: closest_point_on_facet
   use dotyk_contact_edge_contacts, only: behind_edge, closest_on_edges, min_crossing
   use dotyk_contact_facet_set, only: facet_position_and_normal, facet_set_t
@@ -120,7 +120,7 @@ contains
               ! Beside a face, as in a concave corner, the point is not below it.
               if (2*dot_product(normal, at - x) < sqrt(square)) cycle
               if (attempt == 1 .and. (norm2(cross(along, normal)) < sideways*norm2(along) .or. &
-                                      minval(matmul(normals, b%normal(:, g))) > facing)) cycle
+                                      minval(matmul(normals, b%normal(:, g))) > opposite_cosine)) cycle
               gap = dot_product(b%normal0(:, g), x0 - at + b%displacement_at(g, xi))
               gap = max(0.0_dp, -gap - b%roughness0(g) - same_place*b%set%size(g))
               ! Deeper than they overlap: the point started beside this facet. Near the side of b the overlap at rest is

@@ -16,7 +16,7 @@
 module dotyk_contact_penetration_tolerance
   use dotyk_base_kinds, only: dp
   use dotyk_base_parcel, only: parcel_t
-  use dotyk_base_thresholds, only: facing, same_number, same_place
+  use dotyk_base_thresholds, only: opposite_cosine, same_number, same_place
   use dotyk_contact_closest_point, only: closest_point_on_facet
   use dotyk_contact_facet_set, only: facet_position_and_normal
   use dotyk_contact_solid_boundary, only: solid_t
@@ -124,7 +124,7 @@ contains
           do k = b%adjacency%start(v), b%adjacency%start(v + 1) - 1
             g = b%adjacency%facet(k)
             if (g == facet) cycle
-            if (minval(matmul(normals, b%normal(:, g))) > facing) cycle
+            if (minval(matmul(normals, b%normal(:, g))) > opposite_cosine) cycle
             call closest_point_on_facet(b%set, g, x, at, square)
             ! A nearer one is flush with the first part, such as that on a plane of symmetry.
             if (sqrt(square) < (1 - same_place)*depth) cycle

@@ -11,7 +11,7 @@
 !> surface is curved and where deformation bends it.
 module dotyk_contact_solid_boundary
   use dotyk_base_kinds, only: dp
-  use dotyk_base_thresholds, only: facing, no_offset, same_place
+  use dotyk_base_thresholds, only: opposite_cosine, no_offset, same_place
   use dotyk_contact_adjacency, only: adjacency_t, corner_of
   use dotyk_contact_bounding_volume_tree, only: bounding_volume_tree_t
   use dotyk_contact_closest_point, only: closest_point_on_facet, edges_at
@@ -204,7 +204,7 @@ contains
     facet = 0
     xi = 0
     do k = 1, size(near)
-      if (faces_only .and. minval(matmul(self%normal(:, near(k)), normals)) > facing) cycle
+      if (faces_only .and. minval(matmul(self%normal(:, near(k)), normals)) > opposite_cosine) cycle
       if (any([(other%is_flush(nodes(i), self, near(k)), i=1, size(nodes))])) cycle
       call closest_point_on_facet(self%set, near(k), x, trial_xi, trial)
       if (trial > square) cycle

@@ -9,7 +9,7 @@
 module dotyk_control_seams
   use dotyk_base_kinds, only: dp
   use dotyk_base_sort, only: sort_order
-  use dotyk_base_thresholds, only: facing, generic_direction, of_mesh, sharp_cosine
+  use dotyk_base_thresholds, only: generic_direction, of_mesh, opposite_cosine, sharp_cosine
   use dotyk_contact_pair, only: contact_pair_t
   use dotyk_control_contact_problem, only: tied_surfaces_t
   use dotyk_elasticity_body, only: body_t
@@ -163,7 +163,8 @@ contains
         if (.not. is_one_surface(pair, tie, slave, i, master, candidate)) cycle
         n_split = 1
         if (n == 1) then
-          if (dot_product(arm(:, next(1)), arm(:, candidate)) > facing*distance(next(1))*distance(candidate)) cycle
+          if (dot_product(arm(:, next(1)), arm(:, candidate)) > &
+              opposite_cosine*distance(next(1))*distance(candidate)) cycle
         end if
         n = n + 1
         next(n) = candidate

@@ -9,7 +9,7 @@ module dotyk_mesh_joints
   use dotyk_base_parcel, only: parcel_t
   use dotyk_base_sort, only: sort_order
   use dotyk_base_text, only: counted, to_text
-  use dotyk_base_thresholds, only: facing, generic_direction, of_mesh, same_place
+  use dotyk_base_thresholds, only: generic_direction, of_mesh, opposite_cosine, same_place
   use dotyk_mesh_body_mesh, only: body_mesh_t, connected_components
   use dotyk_mesh_boundary, only: boundary_facets_t, max_corners
   use dotyk_mesh_element, only: element_kind, element_kind_t
@@ -173,7 +173,7 @@ contains
       do m = k + 1, n
         j = order(m)
         if (lo(axis, j) > hi(axis, i)) exit
-        if (dot_product(facets%normal(:, i), facets%normal(:, j)) > facing) cycle
+        if (dot_product(facets%normal(:, i), facets%normal(:, j)) > opposite_cosine) cycle
         if (any(lo(:, j) > hi(:, i)) .or. any(lo(:, i) > hi(:, j))) cycle
         if (facets%element(i) == facets%element(j)) cycle
         h = min(size_of(i), size_of(j))

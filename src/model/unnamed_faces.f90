@@ -2,7 +2,7 @@
 !> And bodies in no pair that others come near, just beyond the search distance: the log says what distance finds them.
 module dotyk_model_unnamed_faces
   use dotyk_base_kinds, only: dp
-  use dotyk_base_thresholds, only: facing, of_mesh
+  use dotyk_base_thresholds, only: of_mesh, opposite_cosine
   use dotyk_contact_body_faces, only: body_faces_t
   use dotyk_contact_near_facets, only: find_facets, near_faces_t, search_distance
   use dotyk_contact_pair_report, only: distant_body_t, unnamed_faces_t
@@ -68,7 +68,7 @@ contains
     integer :: i
     do i = 1, size(counts)
       if (.not. counts(i)) cycle
-      counts(i) = dot_product(a%normal(:, near%facet_a(i)), b%normal(:, near%facet_b(i))) < facing
+      counts(i) = dot_product(a%normal(:, near%facet_a(i)), b%normal(:, near%facet_b(i))) < opposite_cosine
     end do
   end subroutine leave_flanks
 
