@@ -127,28 +127,32 @@ contains
     class(parcel_t), intent(inout) :: self
     logical, intent(inout) :: is_there  !! Whether the array is allocated.
     integer, intent(inout) :: extent(:)  !! Its extents; not used where it is not there (rank).
-    integer :: k
     if (.not. is_there) extent = not_there
+    call carry_extents(self, extent)
+    is_there = extent(1) /= not_there
+  end subroutine carry_shape_of
+
+  !> The extents of an array, or `not_there`.
+  pure subroutine carry_extents(self, extent)
+    class(parcel_t), intent(inout) :: self  !! The parcel.
+    integer, intent(inout) :: extent(:)  !! The extents (rank).
+    integer :: k
     do k = 1, size(extent)
       call self%carry_integer(extent(k))
     end do
-    is_there = extent(1) /= not_there
-  end subroutine carry_shape_of
+  end subroutine carry_extents
 
   !> A text.
   subroutine carry_text(self, text)
     class(parcel_t), intent(inout) :: self
     character(:), allocatable, intent(inout) :: text  !! Written, or set; not allocated where it was not.
-    logical :: is_there
     integer :: length(1), letter, i
-    is_there = allocated(text)
-    if (is_there) length = len(text)
-    call self%carry_shape(is_there, length)
-    if (self%is_read) then
-      if (allocated(text)) deallocate (text)
-      if (is_there) allocate (character(length(1)) :: text)
-    end if
-    if (.not. is_there) return
+    length = not_there
+    if (allocated(text)) length = len(text)
+    call carry_extents(self, length)
+    if (self%is_read .and. allocated(text)) deallocate (text)
+    if (length(1) == not_there) return
+    if (self%is_read) allocate (character(length(1)) :: text)
     do i = 1, length(1)
       letter = 0
       if (.not. self%is_read) letter = iachar(text(i:i))
@@ -161,16 +165,13 @@ contains
   subroutine carry_texts(self, text)
     class(parcel_t), intent(inout) :: self
     type(text_t), allocatable, intent(inout) :: text(:)  !! Written, or set (n).
-    logical :: is_there
     integer :: n(1), i
-    is_there = allocated(text)
-    if (is_there) n = shape(text)
-    call self%carry_shape(is_there, n)
-    if (self%is_read) then
-      if (allocated(text)) deallocate (text)
-      if (is_there) allocate (text(n(1)))
-    end if
-    if (.not. is_there) return
+    n = not_there
+    if (allocated(text)) n = shape(text)
+    call carry_extents(self, n)
+    if (self%is_read .and. allocated(text)) deallocate (text)
+    if (n(1) == not_there) return
+    if (self%is_read) allocate (text(n(1)))
     do i = 1, n(1)
       call self%carry_text(text(i)%s)
     end do
@@ -180,32 +181,28 @@ contains
   pure subroutine carry_integers(self, value)
     class(parcel_t), intent(inout) :: self
     integer, allocatable, intent(inout) :: value(:)  !! Written, or set; not allocated where they were not (n).
-    logical :: is_there
     integer :: n(1)
-    is_there = allocated(value)
-    if (is_there) n = shape(value)
-    call self%carry_shape(is_there, n)
-    if (self%is_read) then
-      if (allocated(value)) deallocate (value)
-      if (is_there) allocate (value(n(1)))
-    end if
-    if (is_there) call move_integers(self, size(value), value)
+    n = not_there
+    if (allocated(value)) n = shape(value)
+    call carry_extents(self, n)
+    if (self%is_read .and. allocated(value)) deallocate (value)
+    if (n(1) == not_there) return
+    if (self%is_read) allocate (value(n(1)))
+    call move_integers(self, size(value), value)
   end subroutine carry_integers
 
   !> A table of integers.
   pure subroutine carry_integer_table(self, value)
     class(parcel_t), intent(inout) :: self
     integer, allocatable, intent(inout) :: value(:, :)  !! Written, or set; not allocated where it was not (n, m).
-    logical :: is_there
     integer :: n(2)
-    is_there = allocated(value)
-    if (is_there) n = shape(value)
-    call self%carry_shape(is_there, n)
-    if (self%is_read) then
-      if (allocated(value)) deallocate (value)
-      if (is_there) allocate (value(n(1), n(2)))
-    end if
-    if (is_there) call move_integers(self, size(value), value)
+    n = not_there
+    if (allocated(value)) n = shape(value)
+    call carry_extents(self, n)
+    if (self%is_read .and. allocated(value)) deallocate (value)
+    if (n(1) == not_there) return
+    if (self%is_read) allocate (value(n(1), n(2)))
+    call move_integers(self, size(value), value)
   end subroutine carry_integer_table
 
   !> Integers of a known number, two in a word.
@@ -236,16 +233,14 @@ contains
   pure subroutine carry_longs(self, value)
     class(parcel_t), intent(inout) :: self
     integer(int64), allocatable, intent(inout) :: value(:)  !! Written, or set; not allocated where they were not (n).
-    logical :: is_there
     integer :: n(1)
-    is_there = allocated(value)
-    if (is_there) n = shape(value)
-    call self%carry_shape(is_there, n)
-    if (self%is_read) then
-      if (allocated(value)) deallocate (value)
-      if (is_there) allocate (value(n(1)))
-    end if
-    if (is_there) call move(self, value)
+    n = not_there
+    if (allocated(value)) n = shape(value)
+    call carry_extents(self, n)
+    if (self%is_read .and. allocated(value)) deallocate (value)
+    if (n(1) == not_there) return
+    if (self%is_read) allocate (value(n(1)))
+    call move(self, value)
   end subroutine carry_longs
 
   !> Logicals.
@@ -265,48 +260,42 @@ contains
   pure subroutine carry_reals(self, value)
     class(parcel_t), intent(inout) :: self
     real(dp), allocatable, intent(inout) :: value(:)  !! Written, or set; not allocated where they were not (n) [any].
-    logical :: is_there
     integer :: n(1)
-    is_there = allocated(value)
-    if (is_there) n = shape(value)
-    call self%carry_shape(is_there, n)
-    if (self%is_read) then
-      if (allocated(value)) deallocate (value)
-      if (is_there) allocate (value(n(1)))
-    end if
-    if (is_there) call self%carry_fixed(size(value), value)
+    n = not_there
+    if (allocated(value)) n = shape(value)
+    call carry_extents(self, n)
+    if (self%is_read .and. allocated(value)) deallocate (value)
+    if (n(1) == not_there) return
+    if (self%is_read) allocate (value(n(1)))
+    call self%carry_fixed(size(value), value)
   end subroutine carry_reals
 
   !> A table of reals.
   pure subroutine carry_real_table(self, value)
     class(parcel_t), intent(inout) :: self
     real(dp), allocatable, intent(inout) :: value(:, :)  !! Written, or set; allocated as it was (n, m) [any].
-    logical :: is_there
     integer :: n(2)
-    is_there = allocated(value)
-    if (is_there) n = shape(value)
-    call self%carry_shape(is_there, n)
-    if (self%is_read) then
-      if (allocated(value)) deallocate (value)
-      if (is_there) allocate (value(n(1), n(2)))
-    end if
-    if (is_there) call self%carry_fixed(size(value), value)
+    n = not_there
+    if (allocated(value)) n = shape(value)
+    call carry_extents(self, n)
+    if (self%is_read .and. allocated(value)) deallocate (value)
+    if (n(1) == not_there) return
+    if (self%is_read) allocate (value(n(1), n(2)))
+    call self%carry_fixed(size(value), value)
   end subroutine carry_real_table
 
   !> Several tables of reals.
   pure subroutine carry_real_tables(self, value)
     class(parcel_t), intent(inout) :: self
     real(dp), allocatable, intent(inout) :: value(:, :, :)  !! Written, or set; allocated as they were (n, m, k) [any].
-    logical :: is_there
     integer :: n(3)
-    is_there = allocated(value)
-    if (is_there) n = shape(value)
-    call self%carry_shape(is_there, n)
-    if (self%is_read) then
-      if (allocated(value)) deallocate (value)
-      if (is_there) allocate (value(n(1), n(2), n(3)))
-    end if
-    if (is_there) call self%carry_fixed(size(value), value)
+    n = not_there
+    if (allocated(value)) n = shape(value)
+    call carry_extents(self, n)
+    if (self%is_read .and. allocated(value)) deallocate (value)
+    if (n(1) == not_there) return
+    if (self%is_read) allocate (value(n(1), n(2), n(3)))
+    call self%carry_fixed(size(value), value)
   end subroutine carry_real_tables
 
   !> Reals of a known number.

@@ -7,6 +7,7 @@
 !> straight and projected edges bend.
 module dotyk_contact_auxiliary_plane
   use dotyk_base_kinds, only: dp
+  use dotyk_base_thresholds, only: few_roundings, given_rounding, rounding, shape_rounding
   use dotyk_contact_facet_polynomial, only: evaluate_facet
   use dotyk_contact_facet_set, only: facet_set_t
   use dotyk_contact_polygon, only: append_corner, polygon_t, signed_area
@@ -34,20 +35,12 @@ module dotyk_contact_auxiliary_plane
 
   public :: is_affine, is_plane_polygon, reference_centre, inverse_map
 
-  !> Distances from a plane below this fraction of the size of a facet are round-off of the mesh.
-  real(dp), parameter :: flatness_tolerance = 1.0e-10_dp
-  !> Coefficients of higher order below this fraction of the linear ones are round-off of an affine map.
-  real(dp), parameter :: affine_tolerance = 1.0e-12_dp
   !> Inverse maps beyond this are too far outside the facet to be reliable.
   real(dp), parameter :: max_reference_coordinate = 3
   real(dp), parameter :: divergence_limit = 100  !! Newton's method diverges where a reference coordinate exceeds this.
   integer, parameter :: max_steps = 30  !! Newton steps of an inverse map; they converge quadratically, in 3 to 6.
-  !> The map folds where its determinant is below this fraction of the size of the facet squared.
-  real(dp), parameter :: min_determinant = 1.0e-12_dp
   !> An inverse map is found where the last Newton step is below this; the next step is round-off.
   real(dp), parameter :: converged_step = 1.0e-10_dp
-  !> No further Newton step improves the result where the step is below this, or below `stalled_step` after convergence.
-  real(dp), parameter :: round_off_step = 1.0e-14_dp, stalled_step = 1.0e-13_dp
 
 contains
 
@@ -105,14 +98,14 @@ contains
     diameter = norm2(maxval(x, dim=2) - minval(x, dim=2))
     is_polygon = .true.
     do i = 2, size(x, 2)
-      if (abs(dot_product(normal, x(:, i) - x(:, 1))) > flatness_tolerance*diameter) is_polygon = .false.
+      if (abs(dot_product(normal, x(:, i) - x(:, 1))) > shape_rounding*diameter) is_polygon = .false.
     end do
     if (.not. is_polygon .or. size(x, 2) < 2*corners) return
     do i = 1, corners
       along = x(:, mod(i, corners) + 1) - x(:, i)
       off = x(:, corners + i) - x(:, i)
       off = off - dot_product(off, along)/max(sum(along**2), tiny(1.0_dp))*along
-      if (norm2(off) > flatness_tolerance*diameter) is_polygon = .false.
+      if (norm2(off) > shape_rounding*diameter) is_polygon = .false.
     end do
   end function is_plane_polygon
 
@@ -121,7 +114,7 @@ contains
     real(dp), intent(in) :: c(3, 9)  !! Coefficients of the facet polynomial (3, 9) [length].
     real(dp) :: bent
     bent = maxval(abs(c(:, [3, 5, 6, 7, 8, 9])))
-    is_affine = bent <= affine_tolerance*maxval(abs(c(:, [2, 4])))
+    is_affine = bent <= rounding*maxval(abs(c(:, [2, 4])))
   end function is_affine
 
   !> Coordinates of a point in the plane, projected along the normal.
@@ -177,11 +170,11 @@ contains
       u = matmul(xu, axes(:, 1:2))
       v = matmul(xv, axes(:, 1:2))
       determinant = u(1)*v(2) - u(2)*v(1)
-      if (.not. abs(determinant) > min_determinant*size**2) return
+      if (.not. abs(determinant) > rounding*size**2) return
       step = [r(1)*v(2) - r(2)*v(1), u(1)*r(2) - u(2)*r(1)]/determinant
       xi = xi + step
       if (.not. maxval(abs(xi)) < divergence_limit) return
-      if (maxval(abs(step)) <= round_off_step .or. (ok .and. maxval(abs(step)) <= stalled_step)) exit
+      if (maxval(abs(step)) <= few_roundings .or. (ok .and. maxval(abs(step)) <= given_rounding)) exit
       ok = maxval(abs(step)) <= converged_step
     end do
     ok = maxval(abs(step)) <= converged_step

@@ -1,10 +1,10 @@
 !> The boundary facets of one body as polygons, in a bounding-volume tree: what the search for pairs needs of a body.
 module dotyk_contact_body_faces
   use dotyk_base_kinds, only: dp
+  use dotyk_base_thresholds, only: same_number
   use dotyk_contact_bounding_volume_tree, only: bounding_volume_t, bounding_volume_tree_t
-  use dotyk_contact_facet_corners, only: corner_normal
   use dotyk_contact_facet_distance, only: ray_meets_polygon
-  use dotyk_contact_facet_set, only: facet_set_t
+  use dotyk_contact_facet_set, only: corner_normal, facet_set_t
   use dotyk_contact_tree_search, only: region_t, tree_walk_t
   use dotyk_mesh_element, only: element_kind, element_kind_t, max_facet_nodes
   use dotyk_mesh_surface, only: surface_t
@@ -43,7 +43,6 @@ module dotyk_contact_body_faces
 
   !> The face of an elevated or quadratic facet bulges beyond the node that is farthest from the polygon [].
   real(dp), parameter :: bulge_factor = 1.5_dp
-  real(dp), parameter :: box_margin = 1.0e-9_dp  !! Relative margin of the boxes for round-off [].
 
 contains
 
@@ -76,7 +75,7 @@ contains
                     self%spacing(f))
       set%lo(:, f) = minval(y(:, :kind%n_corners), 2)
       set%hi(:, f) = maxval(y(:, :kind%n_corners), 2)
-      margin = self%bulge(f) + box_margin*maxval(set%hi(:, f) - set%lo(:, f))
+      margin = self%bulge(f) + same_number*maxval(set%hi(:, f) - set%lo(:, f))
       set%lo(:, f) = set%lo(:, f) - margin
       set%hi(:, f) = set%hi(:, f) + margin
       mean = mean + sum(y(:, :kind%n_corners), 2)/kind%n_corners

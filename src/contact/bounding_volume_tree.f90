@@ -5,6 +5,7 @@
 !> away or face another way are skipped together. Building the tree costs O(N log N).
 module dotyk_contact_bounding_volume_tree
   use dotyk_base_kinds, only: dp
+  use dotyk_base_thresholds, only: pi
   use dotyk_contact_facet_set, only: facet_set_t
   implicit none
   private
@@ -29,7 +30,8 @@ module dotyk_contact_bounding_volume_tree
     procedure :: init => tree_init
   end type bounding_volume_tree_t
 
-  !> Normals face each other where n_a . n_b < -facing_cosine: surfaces in contact are inclined by less than 60 degrees.
+  !> Normals face each other where n_a . n_b < -facing_cosine: surfaces in contact, and facets of one smooth surface
+  !> and their mean, are inclined by less than 60 degrees.
   real(dp), parameter, public :: facing_cosine = 0.5_dp
   !> Nodes that may wait in a depth-first traversal: the tree halves the facets, so that its depth is below 32.
   integer, parameter, public :: stack_size = 128
@@ -40,7 +42,6 @@ module dotyk_contact_bounding_volume_tree
   real(dp), parameter :: angle_margin = 1.0e-6_dp  !! Margin of the limits for round-off of the arc cosine [rad].
   !> Limit of a cone that contains a facing normal for every direction: below any cosine.
   real(dp), parameter :: no_limit = -2
-  real(dp), parameter :: pi = acos(-1.0_dp)  !! The number pi.
 
 contains
 

@@ -2,6 +2,7 @@
 !> (in two dimensions: intervals) are the mortar segments.
 module dotyk_contact_clipping
   use dotyk_base_kinds, only: dp
+  use dotyk_base_thresholds, only: few_roundings, given_rounding
   use dotyk_contact_auxiliary_plane, only: auxiliary_plane_t
   use dotyk_contact_facet_set, only: facet_position_and_normal, facet_set_t
   use dotyk_contact_polygon, only: append_corner, clip_polygon, max_corners, polygon_t, signed_area, &
@@ -20,8 +21,6 @@ module dotyk_contact_clipping
     real(dp) :: area = 0  !! Area of the polygon [as the square of the clip coordinates].
   end type mortar_segment_t
 
-  !> Overlap polygons below this fraction of the area of the slave facet are dropped.
-  real(dp), parameter :: min_area_fraction = 1.0e-14_dp
   !> Projected edges whose middle is off by less than this fraction of their length are taken as straight.
   real(dp), parameter :: straightness = 3.0e-3_dp
   !> Master facets are searched within this distance of the nearest one along the normal, in sizes of the slave facet:
@@ -31,8 +30,6 @@ module dotyk_contact_clipping
   real(dp), parameter :: bulge = 0.1_dp
   !> Inverse maps are reliable within this distance of a curved slave facet, in sizes of the facet.
   real(dp), parameter :: reliable_distance = 0.2_dp
-  !> Distances below this fraction of the size of the slave facet are round-off of clipping, and of repeated corners.
-  real(dp), parameter :: clip_tolerance = 1.0e-14_dp, corner_tolerance = 1.0e-13_dp
   !> A line folds back along its mean normal unless its linear coefficient is larger than twice the quadratic one, with
   !> a margin for round-off.
   real(dp), parameter :: no_fold = 2.001_dp
@@ -71,11 +68,11 @@ contains
       if (polygon%n < 3) cycle
       area = signed_area(polygon)
       if (area <= 0) cycle   ! seen from behind
-      call clip_polygon(polygon, plane%clip_window, clip_tolerance*sqrt(plane%area), ok)
+      call clip_polygon(polygon, plane%clip_window, few_roundings*sqrt(plane%area), ok)
       if (.not. ok) return
-      call remove_degenerate_corners(polygon, corner_tolerance*sqrt(plane%area))
+      call remove_degenerate_corners(polygon, given_rounding*sqrt(plane%area))
       area = signed_area(polygon)
-      if (area <= min_area_fraction*plane%area) cycle
+      if (area <= few_roundings*plane%area) cycle
       n = n + 1
       segment(n)%facet = list(i)
       segment(n)%polygon = polygon
@@ -153,7 +150,7 @@ contains
     clip_window%n = 4
     clip_window%x(:, 1:4) = reshape([low(1), low(2), high(1), low(2), high(1), high(2), low(1), high(2)], [2, 4])
     unclipped = projected
-    call clip_polygon(projected, clip_window, clip_tolerance*plane%size, ok)
+    call clip_polygon(projected, clip_window, few_roundings*plane%size, ok)
     if (.not. ok .or. projected%n < 3) return
     call plane%to_clip_coordinates(coefficient, projected%x(:, 1), current, ok)
     do i = 1, projected%n
@@ -242,7 +239,7 @@ contains
       a = inverse_line_map(c, ends, dot_product(x - set%origin(:, f), axes(:, 1)))
       call facet_position_and_normal(master%set, k, [-1.0_dp, 0.0_dp], x, normal, xu, xv)
       b = inverse_line_map(c, ends, dot_product(x - set%origin(:, f), axes(:, 1)))
-      if (.not. b - a > 2*min_area_fraction) cycle
+      if (.not. b - a > 2*few_roundings) cycle
       n = n + 1
       facet(n) = k
       first(n) = a
@@ -256,7 +253,7 @@ contains
     real(dp), intent(in) :: ends(2)  !! Positions of the ends (2) [length].
     real(dp), intent(in) :: p  !! Position along the plane [length].
     real(dp) :: tolerance
-    tolerance = clip_tolerance*(ends(2) - ends(1))
+    tolerance = few_roundings*(ends(2) - ends(1))
     if (p <= ends(1) + tolerance) then
       xi = -1
     else if (p >= ends(2) - tolerance) then

@@ -26,7 +26,7 @@
 module dotyk_contact_dual_mortar
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
-  use dotyk_base_thresholds, only: sharp_cosine
+  use dotyk_base_thresholds, only: same_place, sharp_cosine
   use dotyk_contact_corner_interpolation, only: corner_interpolation_t
   use dotyk_linalg_dense, only: symmetric_eigen
   use dotyk_linalg_sparse, only: sparse_rows_t
@@ -46,8 +46,6 @@ module dotyk_contact_dual_mortar
   !> direction), half a line 5, a strip of the relative width b 3/b.
   real(dp), parameter :: greatest_amplification(4) = [1.1_dp, 1.8_dp, 2.6_dp, 3.1_dp]
   real(dp), parameter :: at_axis = 2.5_dp  !! The same of a line that ends at the axis: a whole one has 2.4.
-  !> Gaps that differ by this fraction of the greatest one of a row are the same.
-  real(dp), parameter :: same_gap = 1.0e-6_dp
 
 contains
 
@@ -164,7 +162,7 @@ contains
         greatest(corner) = max(greatest(corner), abs(gap(k)))
       end associate
     end do
-    is_below = mean < min(-same_gap*greatest, least - same_gap*greatest)*total
+    is_below = mean < min(-same_place*greatest, least - same_place*greatest)*total
     allocate (extrapolates(size(first) - 1), source=.false.)
     if (.not. any(is_below)) return
     is_beyond = .false.

@@ -4,11 +4,11 @@
 !> parallelogram of the half edges.
 module dotyk_contact_edge_contacts
   use dotyk_base_kinds, only: dp
+  use dotyk_base_thresholds, only: of_mesh, pi, rounding
   use dotyk_contact_adjacency, only: adjacency_t
-  use dotyk_contact_facet_corners, only: corner_position, edge_coordinates
-  use dotyk_contact_facet_set, only: facet_position_and_normal, facet_set_t
-  use dotyk_contact_false_overlap, only: is_false_overlap
-  use dotyk_contact_point_contacts, only: flank_cosine, min_exposure, point_contact_t, shallow
+  use dotyk_contact_facet_set, only: corner_position, edge_coordinates, facet_position_and_normal, facet_set_t
+  use dotyk_contact_local_depth, only: is_false_overlap
+  use dotyk_contact_point_contacts, only: flank_cosine, min_exposure, point_contact_t
   use dotyk_contact_projection, only: master_surface_t
   use dotyk_contact_tree_search, only: box_neighbourhood_t, facets_in_region
   use dotyk_mesh_facet, only: cross
@@ -17,14 +17,12 @@ module dotyk_contact_edge_contacts
   public :: behind_edge, closest_on_edges, find_edge_contacts, is_first_convex, is_inclined, on_edge
 
   real(dp), parameter, public :: min_crossing = 0.1_dp  !! Edges cross where the sine of their angle exceeds this.
-  !> Steps to the closest points of curved edges, and the step below which they are found.
-  integer, parameter :: max_steps = 20
-  real(dp), parameter :: converged_step = 1.0e-12_dp
+  integer, parameter :: max_steps = 20  !! Steps to the closest points of curved edges.
   !> Crossing edges are searched within this multiple of the size of their facets.
   real(dp), parameter, public :: edge_reach = 2
   real(dp), parameter :: max_slope = 0.02_dp  !! Facets at an edge may rise above the tangent plane by this sine.
   !> Edges between facets that are inclined by less than this are flat: half a degree.
-  real(dp), parameter :: flat_cosine = cos(0.5_dp*acos(-1.0_dp)/180)
+  real(dp), parameter :: flat_cosine = cos(0.5_dp*pi/180)
 
 contains
 
@@ -148,7 +146,7 @@ contains
     contact%weight = sine*length/4
     ! An overlap is shallower than the bodies are thick.
     found = -contact%gap <= min(slave%set%depth(f), master%set%depth(g))
-    if (found .and. contact%gap < -shallow*slave%set%size(f)) found = .not. is_false_overlap(slave, master, on_a, on_b)
+    if (found .and. contact%gap < -of_mesh*slave%set%size(f)) found = .not. is_false_overlap(slave, master, on_a, on_b)
 
   contains
 
@@ -178,7 +176,7 @@ contains
     do i = 1, max_steps + 1
       call on_edge(set_a, f, e, s, xi_a, on_a, a)
       call on_edge(set_b, g, k, t, xi_b, on_b, b)
-      if (i > max_steps .or. maxval(abs([s, t])) > 2 .or. maxval(abs(step)) < converged_step) exit
+      if (i > max_steps .or. maxval(abs([s, t])) > 2 .or. maxval(abs(step)) < rounding) exit
       aa = dot_product(a, a)
       ab = dot_product(a, b)
       bb = dot_product(b, b)

@@ -3,12 +3,11 @@
 !> triangles.
 module dotyk_contact_facet_distance
   use dotyk_base_kinds, only: dp
+  use dotyk_base_thresholds, only: of_mesh, same_number
   use dotyk_mesh_facet, only: cross
   implicit none
   private
   public :: polygon_distance, polygons_overlap, ray_meets_polygon
-
-  real(dp), parameter :: inside_tolerance = 1.0e-9_dp  !! Barycentric coordinates that count as inside [].
 
   !> Polygons that only touch each other, seen along their normals, do not overlap: they shrink by this fraction [].
   real(dp), parameter :: shrinkage = 0.01_dp
@@ -100,7 +99,7 @@ contains
       end if
       x = first
     end if
-    if (height**2 > (1 + inside_tolerance)*best*square) return
+    if (height**2 > (1 + same_number)*best*square) return
     if (in_triangle(first - height/square*normal, a, b, c, normal, square)) y = first - height/square*normal
   end subroutine corner_and_edge
 
@@ -113,7 +112,7 @@ contains
     real(dp), intent(in) :: normal(3)  !! Normal (b - a) x (c - a) (3) [length^2].
     real(dp), intent(in) :: square  !! Its squared length [length^4].
     real(dp) :: least
-    least = -inside_tolerance*square
+    least = -same_number*square
     in_triangle = dot_product(across(a, b, x), normal) >= least .and. &
                   dot_product(across(b, c, x), normal) >= least .and. &
                   dot_product(across(c, a, x), normal) >= least
@@ -201,16 +200,14 @@ contains
     real(dp), intent(out) :: t  !! Place on the line, from its origin [length].
     real(dp) :: x(3), s, own(3)
     integer :: j
-    !> Lines nearly in the plane of the polygon meet nothing: cosine of their angle to the normal [].
-    real(dp), parameter :: min_cosine = 1.0e-3_dp
     meets = .false.
     t = 0
-    if (abs(dot_product(direction, normal)) < min_cosine) return
+    if (abs(dot_product(direction, normal)) < of_mesh) return
     t = dot_product(p(:, 1) - origin, normal)/dot_product(direction, normal)
     x = origin + t*direction
     if (n == 2) then
       s = dot_product(x - p(:, 1), p(:, 2) - p(:, 1))/sum((p(:, 2) - p(:, 1))**2)
-      meets = s >= -inside_tolerance .and. s <= 1 + inside_tolerance
+      meets = s >= -same_number .and. s <= 1 + same_number
     else
       do j = 2, n - 1
         own = across(p(:, 1), p(:, j), p(:, j + 1))

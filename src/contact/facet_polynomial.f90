@@ -4,6 +4,7 @@
 !> normals in the cone of the products of the control vectors of the two derivatives.
 module dotyk_contact_facet_polynomial
   use dotyk_base_kinds, only: dp
+  use dotyk_base_thresholds, only: few_roundings, pi, rounding
   use dotyk_mesh_facet, only: cross
   implicit none
   private
@@ -11,14 +12,9 @@ module dotyk_contact_facet_polynomial
 
   integer, parameter, public :: max_controls = 9  !! Greatest number of Bernstein control points of a facet.
 
-  real(dp), parameter :: pi = acos(-1.0_dp)  !! The number pi.
-  !> Margin of a bounding box for the round-off of its control points, relative to its diagonal.
-  real(dp), parameter :: box_margin = 1.0e-12_dp
   real(dp), parameter :: cone_margin = 1.0e-7_dp  !! Margin of a normal cone for the round-off of the arc cosine [rad].
   !> Cones whose half angle has a smaller cosine are nearly half spaces, which exclude nothing.
   real(dp), parameter :: min_cone_cosine = 0.01_dp
-  !> A map is affine where second derivatives are below this fraction of the least singular value of the Jacobian.
-  real(dp), parameter :: affine_round_off = 1.0e-14_dp
 
 contains
 
@@ -62,7 +58,7 @@ contains
     call control_points(corners, c, n, b)
     lo = minval(b(:, 1:n), dim=2)
     hi = maxval(b(:, 1:n), dim=2)
-    margin = box_margin*norm2(hi - lo)
+    margin = rounding*norm2(hi - lo)
     lo = lo - margin
     hi = hi + margin
   end subroutine bounding_box
@@ -206,7 +202,7 @@ contains
         second = max(second, max(norm2(xuu), norm2(xvv)) + norm2(xuv))
       end do
     end do
-    affine = second <= affine_round_off*sqrt(max(least, 0.0_dp))
+    affine = second <= few_roundings*sqrt(max(least, 0.0_dp))
     if (.not. affine) reach = max(0.0_dp, least)/2/second
   end subroutine convexity
 end module dotyk_contact_facet_polynomial

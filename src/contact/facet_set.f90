@@ -9,6 +9,7 @@
 !> control points of the facet and with them the facet.
 module dotyk_contact_facet_set
   use dotyk_base_kinds, only: dp
+  use dotyk_base_thresholds, only: rounding, same_number
   use dotyk_contact_facet_polynomial, only: bounding_box, control_points, convexity, evaluate_facet, max_controls, &
     normal_cone
   use dotyk_mesh_element, only: element_kind, element_kind_t, max_element_nodes, n_element_kinds, shape_functions
@@ -16,6 +17,7 @@ module dotyk_contact_facet_set
   use dotyk_mesh_surface, only: surface_t
   implicit none
   private
+  public :: facet_position_and_normal, corner_position, corner_coordinates, corner_normal, edge_coordinates
 
   type :: facet_hull_t  !! Hull of one facet, relative to the origin of its polynomial.
     integer :: n_sides = 0  !! Number of sides of the prism.
@@ -27,10 +29,6 @@ module dotyk_contact_facet_set
     procedure :: init => hull_init
     procedure :: is_beyond => hull_is_beyond
   end type facet_hull_t
-
-  !> Margin for round-off of the control points, relative to the size of the facet.
-  real(dp), parameter :: margin = 1.0e-12_dp
-  real(dp), parameter :: square_margin = 1.0e-9_dp  !! Margin for round-off of squared distances, relative to them.
 
   type, public :: facet_set_t  !! Facets of one surface.
     integer :: n = 0  !! Number of facets.
@@ -60,8 +58,6 @@ module dotyk_contact_facet_set
     procedure :: init => facet_set_init
     procedure :: init_polynomials => facet_set_init_polynomials
   end type facet_set_t
-
-  public :: facet_position_and_normal
 
 contains
 
@@ -221,8 +217,8 @@ contains
     integer :: k, n
     call control_points(corners, c, n, control)
     self%normal = normal
-    self%low = minval(matmul(normal, control(:, :n))) - margin*size
-    self%high = maxval(matmul(normal, control(:, :n))) + margin*size
+    self%low = minval(matmul(normal, control(:, :n))) - rounding*size
+    self%high = maxval(matmul(normal, control(:, :n))) + rounding*size
     self%n_sides = corners
     select case (corners)
     case (2)
@@ -241,7 +237,7 @@ contains
       end do
     end if
     do k = 1, corners
-      self%limit(k) = maxval(matmul(self%side(:, k), control(:, :n))) + margin*size
+      self%limit(k) = maxval(matmul(self%side(:, k), control(:, :n))) + rounding*size
     end do
   end subroutine hull_init
 
@@ -258,6 +254,63 @@ contains
     do k = 1, self%n_sides
       beside = max(beside, dot_product(self%side(:, k), x) - self%limit(k))
     end do
-    beyond = (1 - square_margin)*(above**2 + beside**2) > square
+    beyond = (1 - same_number)*(above**2 + beside**2) > square
   end function hull_is_beyond
+
+  !> Position of a corner of a facet [length].
+  pure function corner_position(set, f, corner) result(x)
+    type(facet_set_t), intent(in) :: set  !! Facets of the surface.
+    integer, intent(in) :: f  !! Facet number.
+    integer, intent(in) :: corner  !! Corner number.
+    real(dp) :: x(3)  !! Position (3) [length].
+    real(dp) :: xi(2)
+    xi = corner_coordinates(set%corners(f), corner)
+    associate (c => set%coefficient(:, :, f), u => xi(1), v => xi(2))
+      x = set%origin(:, f) + c(:, 1) + u*(c(:, 2) + u*c(:, 3)) + &
+          v*(c(:, 4) + u*(c(:, 5) + u*c(:, 6)) + v*(c(:, 7) + u*(c(:, 8) + u*c(:, 9))))
+    end associate
+  end function corner_position
+
+  !> Reference coordinates of a corner (2) [].
+  pure function corner_coordinates(corners, corner) result(xi)
+    integer, intent(in) :: corners  !! Number of corners of the facet: 2 line, 3 triangle, 4 quadrilateral.
+    integer, intent(in) :: corner  !! Corner number.
+    real(dp) :: xi(2)  !! Coordinates (2) [].
+    if (corners == 2) then
+      xi = [real(2*corner - 3, dp), 0.0_dp]
+    else
+      xi = edge_coordinates(corners, corner, 0.0_dp)
+    end if
+  end function corner_coordinates
+
+  !> Reference coordinates of a point of an edge of a triangle or quadrilateral (2) [].
+  pure function edge_coordinates(corners, edge, s) result(xi)
+    integer, intent(in) :: corners  !! Number of corners of the facet: 3 triangle, 4 quadrilateral.
+    integer, intent(in) :: edge  !! Edge number.
+    real(dp), intent(in) :: s  !! Fraction of the edge from its first corner [].
+    real(dp) :: xi(2)  !! Coordinates (2) [].
+    real(dp), parameter :: triangle(2, 3) = reshape([0.0_dp, 0.0_dp, 1.0_dp, 0.0_dp, 0.0_dp, 1.0_dp], [2, 3])
+    real(dp), parameter :: square(2, 4) = &
+      reshape([-1.0_dp, -1.0_dp, 1.0_dp, -1.0_dp, 1.0_dp, 1.0_dp, -1.0_dp, 1.0_dp], [2, 4])
+    if (corners == 3) then
+      xi = (1 - s)*triangle(:, edge) + s*triangle(:, modulo(edge, 3) + 1)
+    else
+      xi = (1 - s)*square(:, edge) + s*square(:, modulo(edge, 4) + 1)
+    end if
+  end function edge_coordinates
+
+  !> Unit normal of the plane, or chord, of the corners of a facet (3) []; zero where they are collinear.
+  pure function corner_normal(x) result(normal)
+    real(dp), intent(in) :: x(:, :)  !! Corners (3, 2 to 4) [length].
+    real(dp) :: normal(3)
+    select case (size(x, 2))
+    case (2)
+      normal = [x(2, 2) - x(2, 1), x(1, 1) - x(1, 2), 0.0_dp]
+    case (3)
+      normal = cross(x(:, 2) - x(:, 1), x(:, 3) - x(:, 1))
+    case default
+      normal = cross(x(:, 3) - x(:, 1), x(:, 4) - x(:, 2))
+    end select
+    normal = normal/max(norm2(normal), tiny(1.0_dp))
+  end function corner_normal
 end module dotyk_contact_facet_set

@@ -21,12 +21,13 @@ module dotyk_contact_gap_interpolation
   use dotyk_base_error, only: error_t
   use dotyk_base_formula, only: formula_t
   use dotyk_base_kinds, only: dp
-  use dotyk_contact_facet_corners, only: corner_coordinates
+  use dotyk_base_thresholds, only: no_offset
+  use dotyk_contact_facet_set, only: corner_coordinates
   use dotyk_contact_pair, only: contact_pair_t
   use dotyk_contact_projection, only: projection_found, projection_t
   use dotyk_contact_segment_quadrature, only: quadrature_rule_t
   use dotyk_linalg_dense, only: symmetric_eigen
-  use dotyk_mesh_element, only: element_kind, element_kind_t, kind_nodes, shape_functions
+  use dotyk_mesh_element, only: element_kind, element_kind_t, shape_functions
   use dotyk_mesh_surface, only: surface_t
   implicit none
   private
@@ -35,11 +36,9 @@ module dotyk_contact_gap_interpolation
   integer, parameter :: max_functions = 4  !! Quadratic functions on a facet at most, and its corners at most.
   !> Combinations of functions with a mean square below this are not determined by the points of a facet; a whole facet
   !> has about 0.1, a strip along an edge the fourth power of its relative width.
-  real(dp), parameter :: min_mean_square = 1.0e-6_dp
+  real(dp), parameter, public :: min_mean_square = 1.0e-6_dp
   !> Weight of a vertex relative to that of all points of the facet: its gap is the one that counts.
   real(dp), parameter :: vertex_weight = 100
-  !> Where r is below this fraction of the length of the facet, the gap is not curved.
-  real(dp), parameter :: min_curvature = 1.0e-8_dp
   !> The gap has a kink where the root mean square of what is neither linear nor r exceeds this fraction of that of r
   !> (a kink in the middle of a line: 0.1).
   real(dp), parameter :: max_rest = 0.05_dp
@@ -220,7 +219,7 @@ contains
     weight(m - n_vertices + 1:) = vertex_weight
     uncertainty = 0
     least = minval(gap)
-    if (maxval(gap) - least <= min_curvature*length) return
+    if (maxval(gap) - least <= no_offset*length) return
     properties = element_kind(kind)
     n = properties%n_corners
     allocate (linear(n, m), bubble(merge(1, n, n == 2), m))
@@ -238,7 +237,7 @@ contains
     coefficient = fitted(without_linear, weight, rest, ridge)
     r = matmul(coefficient, bubble)
     greatest = maxval(abs(r))
-    if (greatest <= min_curvature*length) return
+    if (greatest <= no_offset*length) return
     rest = rest - matmul(coefficient, without_linear)
     if (sum(weight*rest**2) > max_rest**2*sum(weight*r**2) .and. .not. is_least_at_vertex()) then
       ! Where there are points only: vertices may lie beyond.

@@ -4,27 +4,32 @@
 !> through the body. A point can lie behind a facet by no more than the body is thick there: what lies deeper is no
 !> overlap but the wrong side. Nor is there an overlap where the way from a point to its projection leaves one of the
 !> bodies.
+!>
+!> Overlaps that are none are projections on the wrong side of a body.
 module dotyk_contact_local_depth
   use dotyk_base_kinds, only: dp
+  use dotyk_base_thresholds, only: of_mesh, same_place
   use dotyk_contact_bounding_volume_tree, only: bounding_volume_tree_t
   use dotyk_contact_closest_point, only: closest_point_on_facet
   use dotyk_contact_facet_set, only: facet_position_and_normal, facet_set_t
+  use dotyk_contact_projection, only: master_surface_t
   use dotyk_contact_tree_search, only: facets_in_region, oriented_box_t
   use dotyk_mesh_facet, only: frame_of_normal
   use dotyk_ranks_division, only: division_t
   implicit none
   private
-  public :: find_depths, leaves_body
+  public :: find_depths, leaves_body, is_false_overlap
 
-  real(dp), parameter :: start = 1.0e-6_dp  !! A ray begins at this distance behind the facet, relative to its size.
   !> A ray meets a facet where it comes closer to it than this, relative to the size of that facet.
   real(dp), parameter :: hit_tolerance = 0.05_dp
   !> A ray leaves the body where the cosine of its angle with the normal exceeds this.
   real(dp), parameter :: min_exit_cosine = 0.1_dp
   !> Ends of the way from a surface point into the body that do not count, relative to its length. Beside an edge the
   !> way may leave the body soon after it began.
-  real(dp), parameter :: first_margin = 1.0e-6_dp, last_margin = 0.05_dp
+  real(dp), parameter :: last_margin = 0.05_dp
   integer, parameter :: n_steps = 4  !! Steps to the intersection of a ray with a curved facet.
+  !> A point lies as deep in a body as its boundary is near: a projection this many times farther away is another side.
+  real(dp), parameter :: most_ratio = 3
 
 contains
 
@@ -68,7 +73,7 @@ contains
     xi = merge(1/3.0_dp, 0.0_dp, set%corners(f) == 3)
     call facet_position_and_normal(set, f, xi, centre, normal, xu, xv)
     depth = huge(depth)
-    if (norm2(normal) > 0) depth = first_exit(tree, set, centre, -normal, start*set%size(f), limit)
+    if (norm2(normal) > 0) depth = first_exit(tree, set, centre, -normal, same_place*set%size(f), limit)
   end function depth_behind
 
   !> Whether the straight way from one point to another leaves the body of a surface in between.
@@ -81,7 +86,7 @@ contains
     length = norm2(to - from)
     leaves_body = .false.
     if (.not. length > 0) return
-    leaves_body = first_exit(tree, set, from, (to - from)/length, first_margin*length, (1 - last_margin)*length) < &
+    leaves_body = first_exit(tree, set, from, (to - from)/length, same_place*length, (1 - last_margin)*length) < &
       (1 - last_margin)*length
   end function leaves_body
 
@@ -121,4 +126,19 @@ contains
       if (square <= (hit_tolerance*set%size(list(i)))**2) distance = min(distance, t)
     end do
   end function first_exit
+
+  !> Whether the overlap between a point of one surface and its projection on another is none: the way there leaves one
+  !> of the bodies, or another face is much nearer.
+  pure logical function is_false_overlap(surface, other, x, foot)
+    type(master_surface_t), intent(in) :: surface  !! Surface of the point.
+    type(master_surface_t), intent(in) :: other  !! The other surface.
+    real(dp), intent(in) :: x(3)  !! The point (3) [length].
+    real(dp), intent(in) :: foot(3)  !! Its projection (3) [length].
+    real(dp) :: depth
+    depth = norm2(foot - x)
+    is_false_overlap = depth > most_ratio*other%smallest_distance(x)
+    if (.not. is_false_overlap) is_false_overlap = depth > most_ratio*surface%smallest_distance(foot)
+    if (.not. is_false_overlap) is_false_overlap = leaves_body(surface%tree, surface%set, x, foot)
+    if (.not. is_false_overlap) is_false_overlap = leaves_body(other%tree, other%set, foot, x)
+  end function is_false_overlap
 end module dotyk_contact_local_depth

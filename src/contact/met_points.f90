@@ -7,7 +7,7 @@
 !> the edge would let the point slide off to the other facet.
 module dotyk_contact_met_points
   use dotyk_base_kinds, only: dp
-  use dotyk_base_thresholds, only: sharp_cosine
+  use dotyk_base_thresholds, only: opposite_cosine, same_place, sharp_cosine
   use dotyk_contact_closest_point, only: closest_point_on_facet
   use dotyk_contact_edge_contacts, only: behind_edge, closest_on_edges, min_crossing
   use dotyk_contact_facet_set, only: facet_position_and_normal, facet_set_t
@@ -15,7 +15,7 @@ module dotyk_contact_met_points
   use dotyk_contact_pair_rows, only: replace_points, set_rows
   use dotyk_contact_penetration_tolerance, only: penetration_tolerance_t
   use dotyk_contact_point_contacts, only: point_contact_t, turn_about_axis
-  use dotyk_contact_solid_boundary, only: facing_cosine, solid_t
+  use dotyk_contact_solid_boundary, only: solid_t
   use dotyk_mesh_body_mesh, only: body_mesh_t
   use dotyk_mesh_facet, only: cross
   use dotyk_mesh_surface, only: surface_t
@@ -44,8 +44,6 @@ module dotyk_contact_met_points
 
   public :: add_met_points, discretize_points, is_same
 
-  !> A point is in front of a facet up to this fraction of its size.
-  real(dp), parameter :: in_front = 1.0e-6_dp
   !> An edge leaves a body sideways: not through facets whose normals have less than this sine to it.
   real(dp), parameter :: sideways = sqrt(0.5_dp)
   !> A point that starts in a body may be behind the plane of a facet by more than its depth: along a right-angled wedge
@@ -122,9 +120,9 @@ contains
               ! Beside a face, as in a concave corner, the point is not below it.
               if (2*dot_product(normal, at - x) < sqrt(square)) cycle
               if (attempt == 1 .and. (norm2(cross(along, normal)) < sideways*norm2(along) .or. &
-                                      minval(matmul(normals, b%normal(:, g))) > facing_cosine)) cycle
+                                      minval(matmul(normals, b%normal(:, g))) > opposite_cosine)) cycle
               gap = dot_product(b%normal0(:, g), x0 - at + b%displacement_at(g, xi))
-              gap = max(0.0_dp, -gap - b%roughness0(g) - in_front*b%set%size(g))
+              gap = max(0.0_dp, -gap - b%roughness0(g) - same_place*b%set%size(g))
               ! Deeper than they overlap: the point started beside this facet. Near the side of b the overlap at rest is
               ! less than that along the normal.
               if (gap > most_ratio*merge(max(overlap, depth), 0.0_dp, overlap > 0)) cycle
@@ -203,7 +201,7 @@ contains
           new%xi_b = xi_b
           new%normal = n
           behind = crossed - dot_product(n, a%displacement_at(f, xi_a) - b%displacement_at(g, xi_b)) - &
-                   in_front*b%set%size(g)
+                   same_place*b%set%size(g)
         end do
       end do
     end associate

@@ -14,14 +14,14 @@
 !> facets that no master facet covers; their points are counted as unprojected.
 module dotyk_contact_mortar_segments
   use dotyk_base_kinds, only: dp
+  use dotyk_base_thresholds, only: given_rounding, same_number, same_place, shape_rounding
   use dotyk_contact_auxiliary_plane, only: is_affine, auxiliary_plane_t, is_plane_polygon, reference_centre, inverse_map
   use dotyk_contact_clipping, only: mortar_segment_t, segments_of_facet, segments_of_line
   use dotyk_contact_facet_set, only: facet_position_and_normal, facet_set_t
-  use dotyk_contact_moment_fitting, only: fit_segment_weights
   use dotyk_contact_polygon, only: contains_point
   use dotyk_contact_projection, only: project_point, projection_found, projection_t, master_surface_t
-  use dotyk_contact_segment_quadrature, only: append_points, max_degree, quadrature_rule_t, polygon_rule, &
-    rule_table_t, shape_degree
+  use dotyk_contact_segment_quadrature, only: append_points, fit_segment_weights, max_degree, polygon_rule, &
+    quadrature_rule_t, rule_table_t, shape_degree
   use dotyk_mesh_body_mesh, only: body_mesh_t
   use dotyk_mesh_element, only: element_kind, element_kind_t, element_tri3, kind_nodes
   use dotyk_mesh_surface, only: surface_t
@@ -29,21 +29,13 @@ module dotyk_contact_mortar_segments
   private
   public :: build_segment_rules
 
-  !> Segments cover a slave facet, or overlap, where the sum of their areas differs from its area by this fraction.
-  real(dp), parameter :: area_tolerance = 1.0e-9_dp
-  !> One segment covers the whole slave facet up to this fraction of its area.
-  real(dp), parameter :: whole_tolerance = 1.0e-13_dp
   integer, parameter :: max_fit_degree = 12  !! Greatest degree that is tried for moment fitting.
-  !> Points within this distance of a segment, relative to the size of the slave facet, lie in it.
-  real(dp), parameter :: boundary_tolerance = 1.0e-6_dp
   !> Least degree of mortar rules on curved or distorted slave facets, whose map is not affine; and where one segment
   !> covers the whole slave facet.
   integer, parameter :: curved_degree = 5, whole_degree = 4
   !> Least degrees of mortar rules on lines: straight with the mid-side node in the middle, and other ones. There the
   !> shape functions of the master facet are not polynomials of the slave coordinate.
   integer, parameter :: line_degree = 4, curved_line_degree = 8
-  !> A line is curved where its quadratic coefficient is above this fraction of its size.
-  real(dp), parameter :: line_flatness = 1.0e-10_dp
 
 contains
 
@@ -131,8 +123,8 @@ contains
     call segments_of_facet(set, f, plane, mesh_b%x, surface_b, master, n_segments, segment, ok)
     if (.not. ok .or. n_segments == 0) return
     covered = sum([(segment(i)%area, i=1, n_segments)])
-    if (covered > (1 + area_tolerance)*plane%area) return
-    if (covered < (1 - area_tolerance)*plane%area) then
+    if (covered > (1 + same_number)*plane%area) return
+    if (covered < (1 - same_number)*plane%area) then
       if (has_uncovered_projection(set, f, plane, segment(1:n_segments), master, radius, whole_rule)) return
     end if
     n = 0
@@ -140,7 +132,7 @@ contains
       kind_b = surface_b%kind(segment(i)%facet)
       degree = segment_degree(kind, kind_b, mortar)
       if (mortar .and. .not. plane%is_polygon) degree = max(degree, curved_degree)
-      covers_facet = segment(i)%area >= (1 - whole_tolerance)*plane%area
+      covers_facet = segment(i)%area >= (1 - given_rounding)*plane%area
       if (covers_facet .and. mortar) degree = max(degree, whole_degree)
       ! Moment fitting: flat facets, of which one is a quadrilateral but not a parallelogram.
       needs_fit = plane%is_polygon .and. &
@@ -223,7 +215,7 @@ contains
       if (plane%is_polygon) s = plane%to_plane(x)
       inside = .false.
       do k = 1, size(segment)
-        inside = contains_point(segment(k)%polygon, s, boundary_tolerance*sqrt(plane%area))
+        inside = contains_point(segment(k)%polygon, s, same_place*sqrt(plane%area))
         if (inside) exit
       end do
       if (inside) cycle
@@ -260,13 +252,12 @@ contains
     i = maxloc(last(1:n_segments), 1)
     call extend_to_end(set, f, master, radius, facet(i), 1.0_dp, last(i))
     covered = sum(last(1:n_segments) - first(1:n_segments))
-    if (covered > 2*(1 + area_tolerance)) return
-    if (covered < 2*(1 - area_tolerance)) then
+    if (covered > 2*(1 + same_number)) return
+    if (covered < 2*(1 - same_number)) then
       hint = 0
       do i = 1, size(whole_rule%weight)
         associate (xi => whole_rule%xi(1, i))
-          if (any(first(1:n_segments) - boundary_tolerance < xi .and. &
-                  xi < last(1:n_segments) + boundary_tolerance)) cycle
+          if (any(first(1:n_segments) - same_place < xi .and. xi < last(1:n_segments) + same_place)) cycle
           call facet_position_and_normal(set, f, [xi, 0.0_dp], x, normal, xu, xv)
         end associate
         call project_point(master, x, normal, hint, radius, set%depth(f), projection)
@@ -278,7 +269,7 @@ contains
       degree = segment_degree(kind, surface_b%kind(facet(i)), mortar) + merge(1, 0, axisymmetric)
       if (mortar) &
         degree = max(degree, merge(curved_line_degree, line_degree, &
-                                   maxval(abs(set%coefficient(:, 3, f))) > line_flatness*set%size(f)))
+                                   maxval(abs(set%coefficient(:, 3, f))) > shape_rounding*set%size(f)))
       associate (r => table%line(degree))
         call append_points((first(i) + last(i))/2 + (last(i) - first(i))/2*r%xi, (last(i) - first(i))/2*r%weight, n, &
                            rule%xi, rule%weight)
@@ -304,7 +295,7 @@ contains
     type(projection_t) :: projection
     real(dp), dimension(3) :: x, normal, xu, xv
     integer :: i, hint
-    if (.not. abs(end_of_facet - end_of_segment) > area_tolerance) return
+    if (.not. abs(end_of_facet - end_of_segment) > same_number) return
     hint = facet_b
     do i = 1, size(fraction)
       call facet_position_and_normal(set, f, [end_of_segment + fraction(i)*(end_of_facet - end_of_segment), 0.0_dp], &

@@ -9,8 +9,10 @@
 module dotyk_contact_narrow_contact
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
+  use dotyk_base_thresholds, only: pi, same_place
   use dotyk_contact_corner_interpolation, only: corner_interpolation_t
   use dotyk_contact_facet_bending, only: find_contact
+  use dotyk_contact_gap_interpolation, only: min_mean_square
   use dotyk_contact_pair, only: contact_pair_t
   use dotyk_linalg_dense, only: symmetric_eigen
   use dotyk_mesh_surface, only: surface_t
@@ -19,11 +21,8 @@ module dotyk_contact_narrow_contact
   private
   public :: find_narrow_contact
 
-  real(dp), parameter :: pi = acos(-1.0_dp)
   integer, parameter :: n_terms = 5  !! Of a quadratic function of two coordinates that vanishes at a row.
   integer, parameter :: most_neighbours = 12  !! Ordered pairs of corners of a facet.
-  !> Combinations of terms with less than this fraction of the greatest mean square are not determined [].
-  real(dp), parameter :: undetermined = 1.0e-6_dp
   !> Weight of slopes against curvatures: neighbours on one side do not tell both, and touching bodies have no slope
   !> where they touch [].
   real(dp), parameter :: slope_weight = 0.03_dp
@@ -280,7 +279,7 @@ contains
       if (allocated(failed)) cycle
       of = matmul(transpose(vectors), right(:, :, i))
       do k = 1, n_terms
-        of(k, :) = merge(of(k, :)/max(tiny(of), values(k)), 0.0_dp, values(k) > undetermined*values(n_terms))
+        of(k, :) = merge(of(k, :)/max(tiny(of), values(k)), 0.0_dp, values(k) > min_mean_square*values(n_terms))
       end do
       of = matmul(vectors, of)
       plane = tangents(pair%row_normal(:, i))
@@ -297,7 +296,7 @@ contains
     logical function is_on_axis(i)  !! Whether a row is on the axis of an axisymmetric analysis.
       integer, intent(in) :: i  !! The row.
       is_on_axis = axisymmetric
-      if (is_on_axis) is_on_axis = pair%row_position(1, i) < undetermined*distance(i)
+      if (is_on_axis) is_on_axis = pair%row_position(1, i) < same_place*distance(i)
     end function is_on_axis
   end subroutine fit
 
@@ -333,7 +332,7 @@ contains
     real(dp), intent(in) :: kappa(2)  !! Principal relative curvatures, ascending (2) [1/length].
     real(dp), intent(in) :: modulus  !! As in `find_narrow_contact` [pressure].
     real(dp), intent(in) :: h  !! Distance to the neighbours [length].
-    is_point = kappa(1) > undetermined*kappa(2)
+    is_point = kappa(1) > min_mean_square*kappa(2)
     if (is_point) is_point = mean_radius(force, sqrt(product(kappa)), modulus)*(kappa(2)/kappa(1))**(1.0_dp/3) < h
   end function is_point
 

@@ -7,30 +7,25 @@
 !> nothing.
 module dotyk_contact_near_faces
   use dotyk_base_kinds, only: dp
+  use dotyk_base_thresholds, only: of_mesh, pi
   use dotyk_contact_body_faces, only: body_faces_t
   use dotyk_contact_bounding_volume_tree, only: bounding_volume_tree_t
   use dotyk_contact_facet_set, only: facet_set_t
-  use dotyk_contact_facing_facets, only: greatest_overlap, search_distance
-  use dotyk_contact_near_facets, only: find_facets, near_faces_t, share_near
+  use dotyk_contact_near_facets, only: find_facets, greatest_overlap, near_faces_t, search_distance, share_near
   use dotyk_contact_tree_search, only: box_neighbourhood_t, facets_in_region
+  use dotyk_mesh_joints, only: towards_corner
   use dotyk_ranks_communication, only: this_rank
-  use dotyk_ranks_division, only: deal_out, division_t
+  use dotyk_ranks_division, only: deal_out, division_t, least_divided
   use dotyk_ranks_exchange, only: all_ranks
   implicit none
   private
 
   public :: find_near_faces
 
-  !> Edges meet within this fraction of the diameter of the smaller body [].
-  real(dp), parameter :: edge_distance = 1.0e-3_dp
   !> Cosine of the greatest angle between parallel edges: 5 degrees [].
   real(dp), parameter :: parallel_cosine = 0.9962_dp
 
-  !> Sample points of a facet lie at this fraction of the way from its centre to its corners [].
-  real(dp), parameter :: to_corner = 0.9_dp
   integer, parameter :: many_pairs = 32  !! From so many pairs of bodies on, threads share the pairs.
-  !> From this number of facets of two bodies on, ranks divide them: below, the exchanges take as long.
-  real(dp), parameter :: least_divided = 1000
 
 contains
 
@@ -161,7 +156,7 @@ contains
       set%hi(:, b) = faces(b)%hi
     end do
     set%axis = 0
-    set%half_angle = acos(-1.0_dp)
+    set%half_angle = pi
     call tree%init(set)
     allocate (near(8*set%n))
     n = 0
@@ -301,7 +296,7 @@ contains
     centre = faces(body)%centre(facet)
     do s = 0, faces(body)%n_corners(facet)
       point = centre
-      if (s > 0) point = centre + to_corner*(faces(body)%corner(:, s, facet) - centre)
+      if (s > 0) point = centre + towards_corner*(faces(body)%corner(:, s, facet) - centre)
       free = huge(free)
       do i = 1, size(neighbour)
         if (neighbour(i) == target) cycle
@@ -325,7 +320,7 @@ contains
     real(dp) :: first, last, length, reach
     integer :: i, j
     meet = .false.
-    reach = edge_distance*min(a%diameter, b%diameter)
+    reach = of_mesh*min(a%diameter, b%diameter)
     if (a%n_corners(f) < 3) return
     do i = 1, a%n_corners(f)
       p = a%corner(:, i, f)

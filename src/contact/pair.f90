@@ -5,14 +5,36 @@
 !>
 !> Sign conventions: n points from body a into body b; d = n.(x' - x) is negative where the bodies overlap; a contact
 !> pressure p >= 0 acts on body a as the traction -p n and on body b as p n.
+!>
+!> Resultants of pressures are those on body a. The forces of the rows are distributed to their integration points,
+!> along the normals there. On body b they act at the projections x' of these points. As x' - x is parallel to the
+!> normal (`dotyk_contact_projection`), force and moment on body b are the opposite ones.
 module dotyk_contact_pair
-  use dotyk_base_kinds, only: dp
+  use, intrinsic :: ieee_arithmetic, only: ieee_quiet_nan, ieee_value
+  use dotyk_base_kinds, only: dp, int64
   use dotyk_base_options, only: default_discretization, default_gap, default_geometry, default_quadrature
   use dotyk_base_parcel, only: parcel_t
   use dotyk_linalg_sparse, only: sparse_rows_t
+  use dotyk_mesh_facet, only: cross
+  use dotyk_ranks_communication, only: n_ranks, this_rank
   use dotyk_ranks_division, only: division_t
+  use dotyk_ranks_exchange, only: all_ranks, gather_all
   implicit none
   private
+  public :: pair_force, share_pairs, pair_resultant
+
+  type, public :: pair_resultant_t  !! Resultant on body a.
+    real(dp) :: force(3) = 0  !! Force; along the axis in axisymmetric analyses (3) [force].
+    real(dp) :: moment(3) = 0  !! Moment about the origin; 0 in axisymmetric analyses (3) [force length].
+    !> Radial components in axisymmetric analyses, summed around the circumference: no resultant; 0 in others [force].
+    real(dp) :: radial = 0
+    !> Where the resultant acts: the point of its line of action that is nearest to the mean of the positions, weighted
+    !> with the pressure; NaN where the pressures have no resultant force (3) [length].
+    real(dp) :: centre(3) = 0
+  end type pair_resultant_t
+
+  !> Resultants below this fraction of the sum of the forces are what rounding and the tolerance of the solution leave.
+  real(dp), parameter :: no_force = 1.0e-6_dp
 
   type, public :: pair_settings_t  !! Settings of a pair, from the input and for the search.
     character(:), allocatable :: name  !! Name of the pair.
@@ -101,8 +123,6 @@ module dotyk_contact_pair
     procedure :: row_uncertainty => pair_row_uncertainty
     procedure :: carry => pair_carry
   end type contact_pair_t
-
-  public :: pair_force
 
 contains
 
@@ -206,4 +226,70 @@ contains
     force = 0
     force(1:pair%dimension) = -matmul(pair%normal, at_points)
   end function pair_force
+
+  !> Make pairs known to all ranks.
+  subroutine share_pairs(owner, pair)
+    !> Rank of each pair, or `all_ranks` where all have it; the same on all ranks (n_pairs).
+    integer, intent(in) :: owner(:)
+    type(contact_pair_t), intent(inout) :: pair(:)  !! Those of this rank in, all out (n_pairs).
+    type(parcel_t) :: parcel
+    integer(int64), allocatable :: word(:)
+    integer :: k, rank
+    if (n_ranks() == 1 .or. all(owner == all_ranks)) return
+    call carry_pairs(this_rank())
+    call gather_all(parcel%words(), word)
+    call parcel%open(word)
+    do rank = 0, n_ranks() - 1
+      call carry_pairs(rank)
+    end do
+
+  contains
+
+    !> The pairs of a rank, into the parcel or out of it.
+    subroutine carry_pairs(of_rank)
+      integer, intent(in) :: of_rank  !! The rank.
+      do k = 1, size(pair)
+        if (owner(k) == of_rank) call pair(k)%carry(parcel)
+      end do
+    end subroutine carry_pairs
+  end subroutine share_pairs
+
+  !> Resultant of pressures.
+  pure type(pair_resultant_t) function pair_resultant(pair, axisymmetric, pressure) result(resultant)
+    type(contact_pair_t), intent(in) :: pair  !! Contact pair.
+    logical, intent(in) :: axisymmetric  !! Whether forces are those on the full circumference.
+    real(dp), intent(in) :: pressure(:)  !! Row pressures (n_rows) [pressure].
+    real(dp), allocatable :: at_points(:)
+    real(dp) :: x(3), f(3), mean(3), total
+    integer :: q
+    allocate (at_points(pair%n_points))
+    call pair%average%multiply_transposed(pair%row_weight*pressure, at_points)
+    mean = 0
+    total = sum(abs(at_points))
+    x = 0
+    f = 0
+    resultant%force = pair_force(pair, pressure)
+    do q = 1, pair%n_points
+      x(:pair%dimension) = pair%position(:, q)
+      f(:pair%dimension) = -pair%normal(:, q)*at_points(q)
+      mean = mean + at_points(q)*x
+      resultant%moment = resultant%moment + cross(x, f)
+    end do
+    if (axisymmetric) then
+      resultant%radial = resultant%force(1)
+      resultant%force(1) = 0
+      resultant%moment = 0
+      mean(1) = 0
+    end if
+    associate (force => resultant%force)
+      if (norm2(force) > no_force*total .and. total > 0) then
+        resultant%centre = mean/sum(at_points)
+        if (.not. axisymmetric) &
+          resultant%centre = resultant%centre + cross(force/norm2(force), &
+                                                      (resultant%moment - cross(resultant%centre, force))/norm2(force))
+      else
+        resultant%centre = ieee_value(total, ieee_quiet_nan)
+      end if
+    end associate
+  end function pair_resultant
 end module dotyk_contact_pair

@@ -3,25 +3,28 @@
 !>
 !> Where the master covers little of the surface around a slave vertex, its row holds it in place as if the master went
 !> on, and its pressure is the force that this takes, over a sliver: no measure of the pressure in the contact zone.
+!>
+!> Surfaces far from the origin have a local one, so that gaps keep their accuracy there.
 module dotyk_contact_pair_rows
   use dotyk_base_kinds, only: dp
   use dotyk_base_options, only: discretization_quadrature
+  use dotyk_base_thresholds, only: pi
   use dotyk_contact_corner_interpolation, only: corner_interpolation_t
   use dotyk_contact_dual_mortar, only: dual_mortar_rows
-  use dotyk_contact_local_origin, only: shift_origin
   use dotyk_contact_pair, only: contact_pair_t
   use dotyk_contact_point_contacts, only: point_contact_t
   use dotyk_linalg_sparse, only: sparse_rows_t
   use dotyk_mesh_body_mesh, only: body_mesh_t
-  use dotyk_mesh_element, only: element_kind, element_kind_t
+  use dotyk_mesh_element, only: element_kind, element_kind_t, kind_nodes
   use dotyk_mesh_facet, only: area_vector
   use dotyk_mesh_surface, only: surface_t
   use dotyk_ranks_division, only: division_t
   implicit none
   private
-  public :: replace_points, row_gaps, set_rows
+  public :: replace_points, row_gaps, set_rows, choose_origin, shift_origin
 
-  real(dp), parameter :: pi = acos(-1.0_dp)
+  !> A surface is far from the origin where its distance exceeds this multiple of its size.
+  real(dp), parameter :: far_ratio = 16
 
 contains
 
@@ -190,4 +193,35 @@ contains
       covered = 1
     end where
   end subroutine vertex_coverage
+
+  !> Local origin: zero, except for a surface that is far from the origin, where sums of coordinates would lose the
+  !> significant digits of the gaps; differences of coordinates do not.
+  pure subroutine choose_origin(x, surface, origin)
+    real(dp), intent(in) :: x(:, :)  !! Nodal coordinates of the body (dimension, n_nodes) [length].
+    type(surface_t), intent(in) :: surface  !! Surface.
+    real(dp), intent(out) :: origin(:)  !! A node of the surface, or zero (dimension) [length].
+    real(dp) :: low(size(origin)), high(size(origin))
+    integer :: f, i
+    low = huge(1.0_dp)
+    high = -huge(1.0_dp)
+    do f = 1, surface%n_facets
+      do i = 1, kind_nodes(surface%kind(f))
+        low = min(low, x(:, surface%node(i, f)))
+        high = max(high, x(:, surface%node(i, f)))
+      end do
+    end do
+    origin = 0
+    if (surface%n_facets == 0) return
+    if (maxval(abs(low + high)/2) > far_ratio*maxval(high - low)) origin = x(:, surface%node(1, 1))
+  end subroutine choose_origin
+
+  !> Subtract an origin from coordinates.
+  pure subroutine shift_origin(x, origin)
+    real(dp), intent(inout) :: x(:, :)  !! Coordinates (dimension, n) [length].
+    real(dp), intent(in) :: origin(3)  !! Origin (3) [length].
+    integer :: i
+    do i = 1, size(x, 2)
+      x(:, i) = x(:, i) - origin(1:size(x, 1))
+    end do
+  end subroutine shift_origin
 end module dotyk_contact_pair_rows

@@ -8,10 +8,11 @@
 !> they lie at the beginning. The weight of a row is its share of the length times half the size of the facet.
 module dotyk_contact_parallel_edges
   use dotyk_base_kinds, only: dp
+  use dotyk_base_thresholds, only: of_mesh, same_place
   use dotyk_contact_adjacency, only: corner_of, edges_of_corner
   use dotyk_contact_edge_contacts, only: behind_edge, edge_reach, is_first_convex, is_inclined, min_crossing, on_edge
-  use dotyk_contact_false_overlap, only: is_false_overlap
-  use dotyk_contact_point_contacts, only: min_exposure, point_contact_t, shallow
+  use dotyk_contact_local_depth, only: is_false_overlap
+  use dotyk_contact_point_contacts, only: min_exposure, point_contact_t
   use dotyk_contact_projection, only: master_surface_t
   use dotyk_contact_tree_search, only: box_neighbourhood_t, facets_in_region
   use dotyk_mesh_facet, only: cross
@@ -19,13 +20,8 @@ module dotyk_contact_parallel_edges
   private
   public :: find_parallel_edges
 
-  !> Edges touch where they are nearer than this fraction of the size of a facet; a point lies over an edge up to this
-  !> fraction of its length beyond.
-  real(dp), parameter :: same_place = 1.0e-6_dp
   !> Least cosine of the angle between the direction from edge to edge and the mean of the faces: 25 degrees.
   real(dp), parameter :: least_agreement = 0.906_dp
-  !> Faces beside an edge have no mean direction where the sum of their normals is shorter than this.
-  real(dp), parameter :: no_direction = 1.0e-3_dp
   integer, parameter :: max_steps = 10  !! Steps to the nearest point of a curved edge.
 
 contains
@@ -207,7 +203,7 @@ contains
     if (norm2(cross(along, b)) > min_crossing*norm2(along)*norm2(b) .or. norm2(d) > reach) return
     mean = mean_normal(surface, f, e) - mean_normal(other, g, k)
     mean = mean - dot_product(mean, b)/dot_product(b, b)*b
-    if (.not. norm2(mean) > no_direction) return
+    if (.not. norm2(mean) > of_mesh) return
     n = mean/norm2(mean)
     if (norm2(d) > same_place*surface%set%size(f)) then
       if (abs(dot_product(d, n)) < least_agreement*norm2(d)) return
@@ -219,7 +215,7 @@ contains
     contact%gap = dot_product(n, d)
     ! An overlap is shallower than the bodies are thick.
     if (-contact%gap > min(surface%set%depth(f), other%set%depth(g))) return
-    if (contact%gap < -shallow*surface%set%size(f)) then
+    if (contact%gap < -of_mesh*surface%set%size(f)) then
       if (is_false_overlap(surface, other, x, foot)) return
     end if
     contact%facet_b = g

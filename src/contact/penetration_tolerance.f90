@@ -15,12 +15,29 @@
 !> - small displacements: s r + k s^2/2 of faces with curvature k that turn by r.
 module dotyk_contact_penetration_tolerance
   use dotyk_base_kinds, only: dp
+  use dotyk_base_parcel, only: parcel_t
+  use dotyk_base_thresholds, only: opposite_cosine, same_number, same_place
   use dotyk_contact_closest_point, only: closest_point_on_facet
   use dotyk_contact_facet_set, only: facet_position_and_normal
-  use dotyk_contact_solid_boundary, only: facing_cosine, solid_t
+  use dotyk_contact_solid_boundary, only: solid_t
   use dotyk_mesh_element, only: kind_nodes
   implicit none
   private
+
+  type, public :: penetration_t  !! The deepest point of one part below the boundary of another that is not allowed.
+    real(dp) :: depth = 0  !! Its depth; 0 where there is none [length].
+    real(dp) :: position(3) = 0  !! Its position after deformation (3) [length].
+    !> Nodes of the part that are too deep, and edges that are without a node so deep.
+    integer :: n_nodes = 0, n_edges = 0
+    integer :: n_passed = 0  !! Nodes that have passed through the other part and are outside again.
+    !> The deepest point that is allowed for the bending of facets between contact rows: depth, 0 where there is
+    !> none, and position after deformation (3) [length].
+    real(dp) :: between_rows = 0, between_at(3) = 0
+  contains
+    procedure :: add => penetration_add
+    procedure :: outweighs => penetration_outweighs
+    procedure :: carry => penetration_carry
+  end type penetration_t
 
   type, public :: left_by_pairs_t  !! What contact pairs leave at the nodes of a part.
     real(dp), allocatable :: depth(:)  !! By penalty, given gaps and uncertain displacements (n_nodes) [length].
@@ -42,8 +59,6 @@ module dotyk_contact_penetration_tolerance
     procedure :: judge => tolerance_judge
     procedure :: find_allowed => tolerance_find_allowed
   end type penetration_tolerance_t
-
-  real(dp), parameter :: same = 1.0e-6_dp  !! Distances that differ by less are equal [].
 
 contains
 
@@ -74,7 +89,7 @@ contains
     real(dp), intent(inout) :: depth  !! Depth; 0 on return if it is allowed [length].
     real(dp), intent(out) :: between  !! The depth where only bending between rows allows it, or 0 [length].
     real(dp) :: allowed, left, certain, below, there(2)
-    integer :: facing
+    integer :: side
     between = 0
     if (depth > self%slack) then
       call self%find_allowed(a, nodes, b, facet, xi, x, displacement, allowed, left, certain)
@@ -82,9 +97,9 @@ contains
         if (depth > certain) between = depth
       else
         ! Near the side of b, that is not what the point came through.
-        call b%depth_beside_flush(x, a, nodes, .true., 2*max(allowed, b%set%size(facet)), below, facing, there)
-        if (facing == 0) below = -1
-        if (.not. below < 0) call self%find_allowed(a, nodes, b, facing, there, x, displacement, allowed, left, certain)
+        call b%depth_beside_flush(x, a, nodes, .true., 2*max(allowed, b%set%size(facet)), below, side, there)
+        if (side == 0) below = -1
+        if (.not. below < 0) call self%find_allowed(a, nodes, b, side, there, x, displacement, allowed, left, certain)
         if (below < 0 .or. below > allowed) then
           if (.not. is_allowed_beside()) return
         else if (below > certain) then
@@ -109,10 +124,10 @@ contains
           do k = b%adjacency%start(v), b%adjacency%start(v + 1) - 1
             g = b%adjacency%facet(k)
             if (g == facet) cycle
-            if (minval(matmul(normals, b%normal(:, g))) > facing_cosine) cycle
+            if (minval(matmul(normals, b%normal(:, g))) > opposite_cosine) cycle
             call closest_point_on_facet(b%set, g, x, at, square)
             ! A nearer one is flush with the first part, such as that on a plane of symmetry.
-            if (sqrt(square) < (1 - same)*depth) cycle
+            if (sqrt(square) < (1 - same_place)*depth) cycle
             call self%find_allowed(a, nodes, b, g, at, x, displacement, of_facet, of_pairs, at_rest)
             is_allowed_beside = is_allowed_beside .or. sqrt(square) <= of_facet
           end do
@@ -134,7 +149,7 @@ contains
     real(dp), intent(out) :: allowed  !! Depth [length].
     real(dp), intent(out) :: left  !! The part of it by penalty and given gaps [length].
     real(dp), intent(out) :: certain  !! The part that is not the bending of facets between rows [length].
-    real(dp) :: position(3), d(3), xu(3), xv(3), slip, turn, curvature, uncertainty, width, facing, tilt
+    real(dp) :: position(3), d(3), xu(3), xv(3), slip, turn, curvature, uncertainty, width, cosine, tilt
     integer, allocatable :: around(:), shared(:)
     integer :: i, k, vertex
     logical :: is_averaged, is_linear
@@ -165,13 +180,13 @@ contains
     end if
     if (.not. width > 0) return
     ! Facets of the two that face each other best, and how they turn against each other.
-    facing = 0
+    cosine = 0
     tilt = 0
     do k = 1, size(shared)
       do i = 1, size(around)
         associate (p => around(i), q => shared(k))
-          if (dot_product(a%normal(:, p), b%normal(:, q)) > facing) cycle
-          facing = dot_product(a%normal(:, p), b%normal(:, q))
+          if (dot_product(a%normal(:, p), b%normal(:, q)) > cosine) cycle
+          cosine = dot_product(a%normal(:, p), b%normal(:, q))
           tilt = norm2(a%normal(:, p) - a%normal0(:, p) + b%normal(:, q) - b%normal0(:, q))
         end associate
       end do
@@ -187,4 +202,42 @@ contains
     real(dp), intent(in) :: d(3)  !! Unit vector (3) [].
     along = maxval(height*abs(matmul(d, part%normal(:, facets))))
   end function along
+
+  !> Put it into a parcel, or take it out.
+  subroutine penetration_carry(self, parcel)
+    class(penetration_t), intent(inout) :: self
+    type(parcel_t), intent(inout) :: parcel  !! The parcel.
+    call parcel%carry(self%depth)
+    call parcel%carry_fixed(size(self%position), self%position)
+    call parcel%carry(self%n_nodes)
+    call parcel%carry(self%n_edges)
+    call parcel%carry(self%n_passed)
+    call parcel%carry(self%between_rows)
+    call parcel%carry_fixed(size(self%between_at), self%between_at)
+  end subroutine penetration_carry
+
+  !> Add the points of another one.
+  pure subroutine penetration_add(self, other)
+    class(penetration_t), intent(inout) :: self
+    class(penetration_t), intent(in) :: other  !! The other one.
+    self%n_nodes = self%n_nodes + other%n_nodes
+    self%n_edges = self%n_edges + other%n_edges
+    self%n_passed = self%n_passed + other%n_passed
+    if (other%between_rows > (1 + same_number)*self%between_rows) then
+      self%between_rows = other%between_rows
+      self%between_at = other%between_at
+    end if
+    if (.not. other%depth > (1 + same_number)*self%depth) return
+    self%depth = other%depth
+    self%position = other%position
+  end subroutine penetration_add
+
+  !> Whether a penetration is deeper than another one, or as deep but for rounding, and with more nodes.
+  pure logical function penetration_outweighs(self, other) result(outweighs)
+    class(penetration_t), intent(in) :: self
+    class(penetration_t), intent(in) :: other  !! The other one.
+    outweighs = self%depth > (1 + same_number)*other%depth
+    if (outweighs .or. self%depth < (1 - same_number)*other%depth) return
+    outweighs = self%n_nodes + self%n_passed > other%n_nodes + other%n_passed
+  end function penetration_outweighs
 end module dotyk_contact_penetration_tolerance

@@ -11,10 +11,11 @@
 !> projected along the normal.
 module dotyk_contact_point_contacts
   use dotyk_base_kinds, only: dp
+  use dotyk_base_thresholds, only: of_mesh, pi, same_place, shape_rounding, smooth_cosine
   use dotyk_contact_adjacency, only: adjacency_t, corner_of, edges_of_corner
-  use dotyk_contact_facet_corners, only: corner_coordinates, corner_position, edge_coordinates
-  use dotyk_contact_facet_set, only: facet_position_and_normal, facet_set_t
-  use dotyk_contact_false_overlap, only: is_false_overlap
+  use dotyk_contact_facet_set, only: corner_coordinates, corner_position, edge_coordinates, facet_position_and_normal, &
+    facet_set_t
+  use dotyk_contact_local_depth, only: is_false_overlap
   use dotyk_contact_projection, only: master_surface_t, project_point, projection_found, projection_t
   use dotyk_mesh_facet, only: cross
   implicit none
@@ -41,23 +42,13 @@ module dotyk_contact_point_contacts
   !> boundary of a surface that has no point there.
   real(dp), parameter :: max_slope = 0.5_dp, max_boundary_slope = 0.05_dp
   !> Facets that are inclined to the tangent plane by less than 15 degrees may touch as a whole.
-  real(dp), parameter, public :: flank_cosine = cos(15*acos(-1.0_dp)/180)
+  real(dp), parameter, public :: flank_cosine = cos(15*pi/180)
   !> Flanks are excluded from mortar rows with a normal within 65 degrees of that of its point contact.
-  real(dp), parameter :: same_direction = cos(65*acos(-1.0_dp)/180)
-  !> A flank goes on across edges between facets that are inclined by less than 25 degrees.
-  real(dp), parameter :: smooth_cosine = cos(25*acos(-1.0_dp)/180)
+  real(dp), parameter :: same_direction = cos(65*pi/180)
   !> Facets at a contact vertex or edge may lean over by this cosine.
   real(dp), parameter, public :: min_exposure = -0.7_dp
-  !> A node and its projection lie on one normal up to this fraction of the size of the facet.
-  real(dp), parameter :: same_line = 1.0e-6_dp
-  !> Overlaps shallower than this fraction of the size of the other facet are not examined.
-  real(dp), parameter, public :: shallow = 1.0e-3_dp
-  !> Nodes nearer than this fraction of the size of a facet are the same.
-  real(dp), parameter :: same_place = 1.0e-10_dp
   !> Facets count with at least this fraction of their area in weights.
   real(dp), parameter :: min_projected_area = 0.05_dp
-  !> The mean normal of the facets at a vertex has no direction where it is shorter than this.
-  real(dp), parameter :: no_direction = 1.0e-3_dp
   !> A vertex inside the surface is pointed where the mean of the unit normals around it is shorter than this.
   !> A smooth ridge is not, as of a cylinder of few facets: its normals lie in a plane, up to the sine `in_plane`.
   real(dp), parameter :: pointed = 0.95_dp, in_plane = 0.1_dp
@@ -67,7 +58,7 @@ contains
   !> In axisymmetry a contact is a circle, on the axis a disc: its weight becomes an area.
   elemental subroutine turn_about_axis(contact)
     type(point_contact_t), intent(inout) :: contact  !! The contact, with a length as weight.
-    contact%weight = 2*acos(-1.0_dp)*max(contact%position(1), contact%weight/2)*contact%weight
+    contact%weight = 2*pi*max(contact%position(1), contact%weight/2)*contact%weight
   end subroutine turn_about_axis
 
   !> Contacts of pointed vertices of one surface, and of the mid-side nodes of its sharp edges, with facets of the
@@ -129,7 +120,7 @@ contains
     type(projection_t) :: projection
     real(dp) :: slope
     real(dp), dimension(3) :: x, normal, foot, xu, xv
-    if (.not. norm2(mean) > no_direction) return
+    if (.not. norm2(mean) > of_mesh) return
     slope = max_slope
     if (norm2(mean) > pointed .or. is_smooth) then
       if (.not. is_at_boundary(surface%set, surface%adjacency, around, corner, edge)) return
@@ -141,8 +132,8 @@ contains
     if (.not. is_apex(surface%set, around, x, projection%normal, slope)) return
     foot = x + projection%distance*projection%normal
     ! Forces of the two sides have one line of action.
-    if (norm2(foot - projection%position) > same_line*other%set%size(projection%facet)) return
-    if (projection%distance < -shallow*other%set%size(projection%facet)) then
+    if (norm2(foot - projection%position) > same_place*other%set%size(projection%facet)) return
+    if (projection%distance < -of_mesh*other%set%size(projection%facet)) then
       if (is_false_overlap(surface, other, x, foot)) return
     end if
     new%weight = projected_area(surface%set, around, projection%normal)
@@ -267,7 +258,7 @@ contains
       is_apex = is_apex .and. cosine >= min_exposure .and. cosine <= flank_cosine
       do k = 1, set%corners(around(i))
         r = corner_position(set, around(i), k) - x
-        is_apex = is_apex .and. dot_product(r, normal) <= slope*norm2(r) + same_place*set%size(around(i))
+        is_apex = is_apex .and. dot_product(r, normal) <= slope*norm2(r) + shape_rounding*set%size(around(i))
       end do
     end do
   end function is_apex

@@ -2,16 +2,13 @@
 !> degenerate corners, area, triangulation by ear clipping.
 module dotyk_contact_polygon
   use dotyk_base_kinds, only: dp
+  use dotyk_base_thresholds, only: given_rounding, rounding
   implicit none
   private
   public :: append_corner, clip_polygon, contains_point, is_parallelogram, remove_degenerate_corners, signed_area, &
     triangulate
 
   integer, parameter, public :: max_corners = 32  !! Greatest number of corners of a polygon.
-  !> The part that ear clipping leaves is degenerate where its area is below this fraction of the area of the polygon.
-  real(dp), parameter :: area_round_off = 1.0e-13_dp
-  !> A quadrilateral is a parallelogram where its diagonals bisect each other up to this fraction of their length.
-  real(dp), parameter :: parallelogram_tolerance = 1.0e-12_dp
 
   type, public :: polygon_t  !! Polygon.
     integer :: n = 0  !! Number of corners; above `max_corners` where the polygon did not fit.
@@ -121,7 +118,7 @@ contains
         k = i
       end do
       if (k == 0) then
-        ok = abs(signed_area(remainder)) <= area_round_off*abs(signed_area(polygon))
+        ok = abs(signed_area(remainder)) <= given_rounding*abs(signed_area(polygon))
         return
       end if
       n = n + 1
@@ -164,7 +161,7 @@ contains
       is_parallelogram = polygon%n == 4
       if (is_parallelogram) &
         is_parallelogram = norm2(x(:, 1) - x(:, 2) + x(:, 3) - x(:, 4)) <= &
-                           parallelogram_tolerance*norm2(x(:, 3) - x(:, 1))
+                           rounding*norm2(x(:, 3) - x(:, 1))
     end associate
   end function is_parallelogram
 

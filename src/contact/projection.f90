@@ -9,6 +9,7 @@
 !> and n are parallel everywhere, and the moments of the forces on the two sides cancel exactly.
 module dotyk_contact_projection
   use dotyk_base_kinds, only: dp
+  use dotyk_base_thresholds, only: no_offset, same_place, shape_rounding
   use dotyk_contact_adjacency, only: adjacency_t
   use dotyk_contact_bounding_volume_tree, only: bounding_volume_tree_t, facing_cosine
   use dotyk_contact_closest_point, only: closest_point_on_facet, edges_at
@@ -46,15 +47,7 @@ module dotyk_contact_projection
 
   public :: project_point
 
-  !> A point lies on an edge where its distance is below this fraction of the size of the facet.
-  real(dp), parameter :: edge_tolerance = 1.0e-8_dp
-  !> Closest points of two facets that share an edge coincide where their distance is below this fraction of the size.
-  real(dp), parameter :: same_point = 1.0e-6_dp
   integer, parameter :: max_around = 64  !! Greatest number of facets at one corner that are considered.
-  !> A facet faces better than another where the cosine is larger by more than round-off.
-  real(dp), parameter :: cosine_round_off = 1.0e-10_dp
-  !> x - x' is parallel to the normal, or of no direction, where its tangential part is below this fraction of the size.
-  real(dp), parameter :: parallel_tolerance = 1.0e-10_dp
   !> Away from edges between facets the normal is corrected by no more than this angle [rad].
   real(dp), parameter :: max_correction = 1.0e-3_dp
   !> On an edge the normal is x - x' where its angle to the facet normal has a larger cosine than this.
@@ -84,14 +77,13 @@ contains
     real(dp) :: square, normal(3), r(3), xu(3), xv(3)
     integer :: facet, n_edges, edges(2)
     logical :: inside, ridge
-    call nearest_facet(self%tree, self%set, x, -normal_a, .false., max_depth, hint, facet, &
-                       projection%xi, square)
+    call nearest_facet(self%tree, self%set, x, -normal_a, .false., max_depth, hint, facet, projection%xi, square)
     if (facet == 0) return
     hint = facet
     call facet_position_and_normal(self%set, facet, projection%xi, projection%position, normal, xu, xv)
     inside = .true.
     ridge = .false.
-    call edges_at(self%set%corners(facet), projection%xi, edge_tolerance, n_edges, edges)
+    call edges_at(self%set%corners(facet), projection%xi, no_offset, n_edges, edges)
     if (n_edges > 0) &
       call resolve_edge(self, x, normal_a, n_edges, edges, facet, projection%xi, projection%position, normal, ridge, &
                         inside)
@@ -138,7 +130,7 @@ contains
         xi_at(:, k) = xi
       else
         call closest_point_on_facet(self%set, around(i), position, xi_at(:, k), square)
-        if (square > (edge_tolerance*self%set%size(around(i)))**2) cycle
+        if (square > (no_offset*self%set%size(around(i)))**2) cycle
       end if
       call facet_position_and_normal(self%set, around(i), xi_at(:, k), position_at(:, k), normal_at(:, k), &
                                      xu(:, k), xv(:, k))
@@ -151,13 +143,13 @@ contains
       if (around(i) == facet) cycle
       call closest_point_on_facet(self%set, around(i), x, closest_xi, square)
       call facet_position_and_normal(self%set, around(i), closest_xi, closest, unused_normal, unused_u, unused_v)
-      if (norm2(closest - position) > same_point*self%set%size(around(i))) inside = .false.
+      if (norm2(closest - position) > same_place*self%set%size(around(i))) inside = .false.
     end do
     ridge = n_kept > 1
     best = 1
     do i = 1, n_kept
-      if (facing(i) > facing(best) + cosine_round_off) best = i   ! around(:) ascends: ties keep the lowest number
-      call edges_at(self%set%corners(kept(i)), xi_at(:, i), 2*edge_tolerance, n_on, on)
+      if (facing(i) > facing(best) + shape_rounding) best = i   ! around(:) ascends: ties keep the lowest number
+      call edges_at(self%set%corners(kept(i)), xi_at(:, i), 2*no_offset, n_on, on)
       do k = 1, n_on
         other = self%adjacency%neighbour(on(k), kept(i))
         if (other > 0) then
@@ -165,7 +157,7 @@ contains
         end if
         if (dot_product(x - position, &
                         conormal(self%set%corners(kept(i)), on(k), xu(:, i), xv(:, i), normal_at(:, i))) &
-            > edge_tolerance*self%set%size(kept(i))) inside = .false.
+            > no_offset*self%set%size(kept(i))) inside = .false.
       end do
     end do
     if (n_kept == 0) return
@@ -227,7 +219,7 @@ contains
     real(dp) :: along, across, length
     along = dot_product(r, normal)
     across = norm2(r - along*normal)
-    if (across <= parallel_tolerance*size) return
+    if (across <= shape_rounding*size) return
     length = norm2(r)
     if (across > max_correction*length .and. .not. ridge) return
     if (abs(along) < min_alignment*length) return

@@ -2,10 +2,11 @@
 module dotyk_contact_slave_points
   use dotyk_base_kinds, only: dp
   use dotyk_base_options, only: discretization_mortar, geometry_smooth, quadrature_segments
+  use dotyk_base_thresholds, only: of_mesh, pi
   use dotyk_contact_broad_phase, only: candidate_facets, facets_near_candidates
   use dotyk_contact_facet_set, only: facet_position_and_normal
-  use dotyk_contact_false_overlap, only: is_false_overlap
   use dotyk_contact_gap_interpolation, only: add_vertices, interpolate_gaps
+  use dotyk_contact_local_depth, only: is_false_overlap
   use dotyk_contact_mortar_segments, only: build_segment_rules
   use dotyk_contact_pair, only: contact_pair_t, pair_settings_t
   use dotyk_contact_projection, only: master_surface_t, project_point, projection_found, projection_not_facing, &
@@ -17,7 +18,7 @@ module dotyk_contact_slave_points
   use dotyk_mesh_element, only: element_kind, element_kind_t, kind_nodes, n_element_kinds, quadrature_rule
   use dotyk_mesh_facet, only: facet_geometry
   use dotyk_mesh_surface, only: surface_t
-  use dotyk_ranks_division, only: division_t
+  use dotyk_ranks_division, only: distant_cost, division_t
   implicit none
   private
   public :: project_slave_points
@@ -27,14 +28,9 @@ module dotyk_contact_slave_points
   !> those with twice the order of the elements, and integration points that are not rows cost little. (On mortar
   !> segments the integrals are exact, see mortar_segments.f90.)
   integer, parameter :: mortar_degree = 8
-  real(dp), parameter :: pi = acos(-1.0_dp)
 
   !> Round-off of a gap, relative to the greatest coordinate: a few units in the last place.
   real(dp), parameter :: gap_round_off = 8*epsilon(1.0_dp)
-  !> Overlaps shallower than this fraction of the size of the master facet are not examined.
-  real(dp), parameter :: shallow = 1.0e-3_dp
-  !> Work for a facet far from the master surface, relative to that for a candidate [].
-  real(dp), parameter :: distant_cost = 0.02_dp
   !> Fraction of the slave surface below which what mortar segments leave out is rounding of the rules [].
   real(dp), parameter :: nothing_left = 1.0e-6_dp
   integer, parameter :: point_length = 17  !! Numbers that ranks exchange of a point.
@@ -130,7 +126,7 @@ contains
       if (projection(i)%status /= projection_found) cycle
       ! The elements overlap, whatever the smooth surfaces do.
       call facet_position_and_normal(master%set, projection(i)%facet, projection(i)%xi, foot, normal, xu, xv)
-      if (dot_product(x(:, i) - foot, projection(i)%normal) < shallow*master%set%size(projection(i)%facet)) cycle
+      if (dot_product(x(:, i) - foot, projection(i)%normal) < of_mesh*master%set%size(projection(i)%facet)) cycle
       if (is_false_overlap(slave, master, x(:, i), foot)) projection(i)%status = projection_outside
     end do
     !$omp end parallel do

@@ -6,6 +6,8 @@
 !> meets them, to first order: patches have the reference coordinates of the elements.
 module dotyk_contact_smooth_projection
   use dotyk_base_kinds, only: dp
+  use dotyk_base_thresholds, only: no_offset, same_number, same_place, shape_rounding
+  use dotyk_contact_bounding_volume_tree, only: facing_cosine
   use dotyk_contact_closest_point, only: edges_at
   use dotyk_contact_facet_polynomial, only: evaluate_facet
   use dotyk_contact_facet_set, only: facet_set_t
@@ -18,20 +20,10 @@ module dotyk_contact_smooth_projection
   public :: smooth_projections
 
   integer, parameter :: max_facets = 12, max_steps = 25  !! Sub-facets that are tried in turn, and Newton steps on each.
-  !> A point lies inside a sub-facet up to this distance beyond an edge, in reference coordinates.
-  real(dp), parameter :: edge_tolerance = 1.0e-8_dp
-  !> A closest point lies on an edge of a flat sub-facet up to this distance, in reference coordinates.
-  real(dp), parameter :: flat_edge_tolerance = 1.0e-6_dp
   !> Intersections beyond an edge by up to this, in reference coordinates, are accepted at the boundary of the surface,
   !> if the closest point lies inside, and where normals are discontinuous.
   real(dp), parameter :: overhang = 0.1_dp
-  !> The interpolated normal and the normal of the closest point differ by less than 60 degrees.
-  real(dp), parameter :: min_cosine = 0.5_dp
   real(dp), parameter :: divergence_limit = 4  !! Newton's method diverges where a reference coordinate exceeds this.
-  !> A Newton step below this is the last: the method converges quadratically, and the error after it is round-off.
-  real(dp), parameter :: converged_step = 1.0e-9_dp
-  !> A matrix is singular where its determinant is below this fraction of the product of the lengths of its columns.
-  real(dp), parameter :: min_determinant = 1.0e-10_dp
 
 contains
 
@@ -115,7 +107,7 @@ contains
     call geometry%sub_facets%locate(projection%facet, projection%xi, facet, xi)
     if (.not. geometry%changed(facet)) then
       ! A closest point inside a flat sub-facet is kept; at its edge a curved one may begin.
-      call edges_at(geometry%element%corners(facet), xi, flat_edge_tolerance, n_edges, edges)
+      call edges_at(geometry%element%corners(facet), xi, same_place, n_edges, edges)
       do k = 1, n_edges
         i = geometry%smooth_neighbour(edges(k), facet)
         if (i == 0) cycle
@@ -132,7 +124,7 @@ contains
     do i = 1, max_facets
       call intersect_normal_line(geometry, geometry%element, facet, x, xi, normal, distance, found)
       if (.not. found) exit
-      if (dot_product(normal, projection%normal) > -min_cosine) exit
+      if (dot_product(normal, projection%normal) > -facing_cosine) exit
       call farthest_edge(geometry%element%corners(facet), xi, edge, beyond)
       if (beyond < least) then
         least = beyond
@@ -141,14 +133,14 @@ contains
         best_normal = normal
         best_distance = distance
       end if
-      if (beyond <= edge_tolerance) exit
+      if (beyond <= no_offset) exit
       at_boundary = geometry%boundary(edge, facet)
       facet = geometry%smooth_neighbour(edge, facet)
       if (facet == 0) exit
       xi = merge(1/3.0_dp, 0.0_dp, geometry%element%corners(facet) == 3)
     end do
     if (best_facet == 0) return
-    if (least > edge_tolerance) then
+    if (least > no_offset) then
       if (projection%status /= projection_found .or. least > overhang) return
       ! Beyond a sharp edge the direction of the closest point lies between the normals.
       if (facet == 0 .and. .not. at_boundary) return
@@ -195,7 +187,7 @@ contains
       t = t + step(3)
       found = .false.
       if (.not. maxval(abs(xi)) < divergence_limit) return
-      if (maxval(abs(step(1:2))) < converged_step) then
+      if (maxval(abs(step(1:2))) < same_number) then
         found = .true.
         exit
       end if
@@ -262,7 +254,7 @@ contains
     real(dp) :: determinant
     determinant = triple_product(a(:, 1), a(:, 2), a(:, 3))
     x = 0
-    regular = abs(determinant) > min_determinant*norm2(a(:, 1))*norm2(a(:, 2))*norm2(a(:, 3))
+    regular = abs(determinant) > shape_rounding*norm2(a(:, 1))*norm2(a(:, 2))*norm2(a(:, 3))
     if (.not. regular) return
     x = [triple_product(b, a(:, 2), a(:, 3)), triple_product(a(:, 1), b, a(:, 3)), &
          triple_product(a(:, 1), a(:, 2), b)]/determinant

@@ -7,7 +7,7 @@
 !> mesh of a cylinder, whose facets all meet at the same angle, has no sharp edges.
 module dotyk_contact_smooth_sheets
   use dotyk_base_kinds, only: dp
-  use dotyk_base_thresholds, only: sharp_cosine
+  use dotyk_base_thresholds, only: pi, same_place, sharp_cosine
   use dotyk_contact_adjacency, only: adjacency_t, corner_of, edges_of_corner
   use dotyk_contact_facet_set, only: facet_set_t
   use dotyk_mesh_element, only: element_kind, element_kind_t, kind_nodes
@@ -18,15 +18,13 @@ module dotyk_contact_smooth_sheets
   public :: split_sheets, sheet_numbers, sharp_edges, is_smooth_edge, facets_on_chords, facet_entity
 
   !> Edges between facets that differ by more than this are sharp [rad].
-  real(dp), parameter :: always_sharp = 50*acos(-1.0_dp)/180
+  real(dp), parameter :: always_sharp = 50*pi/180
   !> Edges between facets that differ by less than this are never sharp for rows: two rows at a vertex with nearly equal
   !> normals would be almost dependent [rad].
-  real(dp), parameter, public :: never_sharp = 25*acos(-1.0_dp)/180
+  real(dp), parameter :: never_sharp = 25*pi/180
   !> An edge is sharp where it turns by more than this multiple of the turns beside it, and by this angle [rad] more.
-  real(dp), parameter :: turn_ratio = 2, turn_margin = 2*acos(-1.0_dp)/180
-  !> Mid-side nodes lie on the chord where they are off its middle by less than this fraction of its length; and a
-  !> smooth edge has a kink where it turns by more than this [rad].
-  real(dp), parameter :: chord_tolerance = 1.0e-6_dp, kink = acos(-1.0_dp)/180
+  real(dp), parameter :: turn_ratio = 2, turn_margin = 2*pi/180
+  real(dp), parameter :: kink = pi/180  !! A smooth edge has a kink where it turns by more than this [rad].
 
 contains
 
@@ -208,8 +206,7 @@ contains
     if (.not. is_straight) return
     do i = 1, merge(1, n, n == 2)
       associate (first => x(:, i), last => x(:, modulo(i, n) + 1))
-        is_straight = is_straight .and. &
-          norm2(x(:, n + i) - (first + last)/2) <= chord_tolerance*norm2(last - first)
+        is_straight = is_straight .and. norm2(x(:, n + i) - (first + last)/2) <= same_place*norm2(last - first)
       end associate
     end do
   end function is_straight

@@ -8,6 +8,7 @@
 module dotyk_contact_tree_search
   use dotyk_base_kinds, only: dp
   use dotyk_base_sort, only: sort_order
+  use dotyk_base_thresholds, only: rounding
   use dotyk_contact_bounding_volume_tree, only: bounding_volume_t, bounding_volume_tree_t, facing_cosine, stack_size
   use dotyk_contact_closest_point, only: closest_point_on_facet
   use dotyk_contact_facet_set, only: facet_position_and_normal, facet_set_t
@@ -64,8 +65,6 @@ module dotyk_contact_tree_search
   end type tree_walk_t
 
   public :: facets_in_region, nearest_facet
-
-  real(dp), parameter :: node_margin = 1.0e-12_dp  !! Rounding of the distance to a node, relative to size and place [].
 
 contains
 
@@ -279,7 +278,7 @@ contains
     type(facet_set_t), intent(in) :: set  !! Facets of the surface.
     integer, intent(in) :: facet  !! Facet.
     real(dp), intent(in) :: x(3)  !! Point (3) [length].
-    square = (norm2(x - set%origin(:, facet)) + node_margin*(set%size(facet) + maxval(abs(x))))**2
+    square = (norm2(x - set%origin(:, facet)) + rounding*(set%size(facet) + maxval(abs(x))))**2
   end function square_to_node
 
   !> Squared distance of a point to the box of a volume, 0 inside [length^2].

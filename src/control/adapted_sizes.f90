@@ -9,6 +9,7 @@ module dotyk_control_adapted_sizes
   use dotyk_base_kinds, only: dp, int64
   use dotyk_base_options, only: analysis_axisymmetric
   use dotyk_base_text, only: quoted, text_t
+  use dotyk_base_thresholds, only: notable, pi
   use dotyk_contact_broad_phase, only: overlapping_boxes
   use dotyk_control_body_solution, only: element_field_t
   use dotyk_control_contact_problem, only: contact_problem_t
@@ -65,9 +66,9 @@ module dotyk_control_adapted_sizes
   !> Error of the contact conditions up to which the error of the mesh is one to rely on: contact that the mesh does not
   !> resolve is in this one alone [].
   real(dp), parameter, public :: resolved = 0.3_dp
-  !> Order of convergence of quadratic elements, and that which singular elements are given: those with more than this
-  !> fraction of the squared error [].
-  real(dp), parameter :: order = 2, singular_order = 0.5_dp, singular = 0.01_dp
+  !> Order of convergence of quadratic elements, and that which singular elements are given: those with a notable part
+  !> of the squared error [].
+  real(dp), parameter :: order = 2, singular_order = 0.5_dp
   !> Sizes change by these factors in a round at most; those of singular elements become smaller by up to the last [].
   real(dp), parameter :: least_ratio = 0.15_dp, greatest_ratio = 4, singular_ratio = 0.01_dp
   real(dp), parameter :: over_radius = 4  !! Elements over the radius of a contact patch.
@@ -278,8 +279,7 @@ contains
         x(i, :) = pack(pair%row_position(i, :), active)
       end do
       weight = pack(pair%row_weight, active)
-      if (problem%body(pair%body_a)%analysis == analysis_axisymmetric) &
-        weight = weight/(2*acos(-1.0_dp)*max(x(1, :), tiny(1.0_dp)))
+      if (problem%body(pair%body_a)%analysis == analysis_axisymmetric) weight = weight/(2*pi*max(x(1, :), tiny(1.0_dp)))
       width = weight
       if (pair%dimension == 3) width = sqrt(weight)
       call overlapping_boxes(x - spread(connected/2*width, 1, 3), x + spread(connected/2*width, 1, 3), couple)
@@ -298,7 +298,7 @@ contains
           centre = matmul(x(:, list), weight(list))/sum(weight(list))
           moment = matmul((x(:, list) - spread(centre, 2, size(list)))*spread(weight(list), 1, 3), &
                           transpose(x(:, list) - spread(centre, 2, size(list))))/sum(weight(list))
-          radius = sqrt(sum(weight(list))/acos(-1.0_dp))/2
+          radius = sqrt(sum(weight(list))/pi)/2
           call symmetric_eigen(moment, values, axes, error)
           ! The least one is across the surface.
           if (.not. allocated(error)) radius = max(radius, 2*sqrt(max(0.0_dp, values(2))))
@@ -358,7 +358,7 @@ contains
         allocate (one%p(size(one%square)), source=order)
         allocate (one%least(size(one%square)), source=least_ratio)
         if (.not. first) then
-          where (one%square > singular*total)
+          where (one%square > notable*total)
             one%p = singular_order
             one%least = singular_ratio
           end where

@@ -190,8 +190,7 @@ contains
     do b = 1, size(solution)
       if (.not. problem%ranks%is_own(b)) cycle
       associate (body => problem%body(b))
-        item(b)%value = reshape(solution(b)%displacement(:, body%shared_node), &
-                                [body%dimension*size(body%shared_node)])
+        item(b)%value = reshape(solution(b)%displacement(:, body%shared_node), [body%dimension*size(body%shared_node)])
       end associate
     end do
     call share(problem%ranks%owner, item)
@@ -200,8 +199,7 @@ contains
       associate (body => problem%body(b))
         if (allocated(solution(b)%displacement)) deallocate (solution(b)%displacement)
         allocate (solution(b)%displacement(body%dimension, body%mesh%n_nodes()), source=0.0_dp)
-        solution(b)%displacement(:, body%shared_node) = &
-          reshape(item(b)%value, [body%dimension, size(body%shared_node)])
+        solution(b)%displacement(:, body%shared_node) = reshape(item(b)%value, [body%dimension, size(body%shared_node)])
       end associate
     end do
   end subroutine share_solution

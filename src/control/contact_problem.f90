@@ -3,6 +3,7 @@
 module dotyk_control_contact_problem
   use dotyk_base_kinds, only: dp
   use dotyk_base_options, only: analysis_axisymmetric
+  use dotyk_base_thresholds, only: pi
   use dotyk_contact_operator, only: build_operator, contact_operator_t
   use dotyk_contact_pair, only: contact_pair_t
   use dotyk_contact_pair_report, only: pair_report_t
@@ -15,6 +16,18 @@ module dotyk_control_contact_problem
   use dotyk_scheme_coarse_space, only: slide_t
   implicit none
   private
+  public :: build_rows, first_mode, mesh_compliance, congruent_groups
+
+  type, public :: congruent_group_t  !! One group.
+    integer :: representative = 0  !! The representative of the class.
+    !> Bodies of the class (n). Those of other ranks keep their places, so that the digits of the others do not depend
+    !> on them.
+    integer, allocatable :: body(:)
+  end type congruent_group_t
+
+  !> Congruent bodies in one pass at most: the work that depends on the mesh alone is small beside that for so many, and
+  !> the memory is small beside a factor.
+  integer, parameter, public :: most_bodies = 16
 
   type, public :: isolated_body_t  !! Displacements of a body that touches no other.
     !> (dimension, n_nodes) [length]; not allocated where it touches another.
@@ -69,8 +82,6 @@ module dotyk_control_contact_problem
     procedure :: are_tied => problem_are_tied
     procedure :: slides => problem_slides
   end type contact_problem_t
-
-  public :: build_rows, first_mode, mesh_compliance
 
 contains
 
@@ -185,7 +196,7 @@ contains
     area = sum(pair%weight)
     ! A circumference does not make facets larger. Points lie off the axis, but for point contacts: discs there.
     if (body_a%analysis == analysis_axisymmetric) then
-      associate (w => pair%weight/acos(-1.0_dp), r => pair%position(1, :))
+      associate (w => pair%weight/pi, r => pair%position(1, :))
         area = sum(w/max(tiny(area), 2*r), mask=r > 0) + sum(sqrt(w), mask=.not. r > 0)
       end associate
     end if
@@ -195,4 +206,27 @@ contains
     end do
     mesh_compliance = (area/n_facets)**(1.0_dp/(pair%dimension - 1))*(1/body_a%young() + 1/body_b%young())
   end function mesh_compliance
+
+  !> The groups with bodies of this rank, class after class.
+  subroutine congruent_groups(problem, group)
+    type(contact_problem_t), intent(in) :: problem  !! Bodies, classes and ranks.
+    type(congruent_group_t), allocatable, intent(out) :: group(:)  !! (n_groups)
+    type(congruent_group_t) :: found(size(problem%body))
+    integer, allocatable :: alike(:)
+    integer :: b, c, n
+    n = 0
+    do b = 1, size(problem%body)
+      if (.not. problem%classes%is_representative(b)) cycle
+      alike = pack([(c, c=1, size(problem%body))], problem%classes%first == b)
+      do c = 1, size(alike), most_bodies
+        associate (some => alike(c:min(c + most_bodies - 1, size(alike))))
+          if (.not. any(problem%ranks%is_own(some))) cycle
+          n = n + 1
+          found(n)%representative = b
+          found(n)%body = some
+        end associate
+      end do
+    end do
+    allocate (group, source=found(:n))
+  end subroutine congruent_groups
 end module dotyk_control_contact_problem

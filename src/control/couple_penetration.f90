@@ -1,29 +1,41 @@
 !> The check for penetration of two bodies: all parts of the one against all parts of the other.
+!>
+!> Bodies can lie almost exactly in each other, such as a copy shifted by metres where millimetres are meant. Their
+!> boundaries are near each other everywhere, so that no node is deep; the middles of elements are.
 module dotyk_control_couple_penetration
   use, intrinsic :: ieee_arithmetic, only: ieee_is_nan
   use dotyk_base_kinds, only: dp
   use dotyk_base_parcel, only: parcel_t
+  use dotyk_base_thresholds, only: given_rounding, notable, of_mesh, same_place
+  use dotyk_contact_facet_set, only: facet_position_and_normal
   use dotyk_contact_met_points, only: add_met_points, inside_point_t, is_same, met_point_t
   use dotyk_contact_passage_search, only: swept_facets_t
-  use dotyk_contact_penetration, only: penetration_t
   use dotyk_contact_penetration_search, only: find_passages, find_penetration
-  use dotyk_contact_penetration_tolerance, only: left_by_pairs_t, penetration_tolerance_t
+  use dotyk_contact_penetration_tolerance, only: left_by_pairs_t, penetration_t, penetration_tolerance_t
   use dotyk_contact_solid_boundary, only: solid_t
-  use dotyk_contact_touch_search, only: find_touch, touch_t
   use dotyk_control_contact_problem, only: contact_problem_t
-  use dotyk_control_explained_penetration, only: find_left
-  use dotyk_control_pairs_of_bodies, only: pairs_of_bodies_t
+  use dotyk_control_explained_penetration, only: find_left, pairs_of_bodies_t
   use dotyk_control_pressures, only: nodal_field_t
-  use dotyk_control_shared_interior, only: find_shared_interior
-  use dotyk_mesh_body_mesh, only: connected_components
+  use dotyk_mesh_body_mesh, only: body_mesh_t, connected_components
   use dotyk_mesh_boundary, only: extract_boundary
   use dotyk_mesh_element, only: kind_nodes, max_facet_nodes, shape_functions
   use dotyk_mesh_facet, only: cross
+  use dotyk_mesh_held_part, only: sample_step
   use dotyk_mesh_placement, only: mean_rotation
   use dotyk_mesh_surface, only: surface_t
   use dotyk_ranks_division, only: division_t
   implicit none
   private
+  public :: check_bodies, split_parts
+
+  type :: touch_t  !! Touching of two parts.
+    integer :: n_facets = 0  !! Facets of the two whose centres lie on faces of the other which face them.
+    real(dp) :: position(3) = 0  !! Centre of the deepest of them after deformation (3) [length].
+    real(dp) :: depth = 0  !! Its depth in the other part, 0 where none is below its facets [length].
+  end type touch_t
+
+  !> Faces face each other where the cosine of the angle of their normals is below this: 150 degrees.
+  real(dp), parameter :: facing_cosine = -0.866_dp
 
   type, public :: body_penetration_t  !! One body inside another.
     integer :: body = 0  !! The body whose points are inside.
@@ -39,21 +51,15 @@ module dotyk_control_couple_penetration
     type(swept_facets_t), allocatable :: swept(:)  !! Their facets in motion (n_parts).
   end type parts_t
 
-  public :: check_bodies, split_parts
-
   !> Displacement relative to the size of a body from which on small displacements no longer describe it [].
   real(dp), parameter, public :: large_displacement = 0.5_dp
 
   !> Thickness of parts relative to their smallest facet: less is not looked for.
   real(dp), parameter :: least_thickness = 0.01_dp
-  !> Depths below this fraction of the largest displacement of the two bodies beside their common rigid motion are not
-  !> told.
-  real(dp), parameter :: least_fraction = 1.0e-3_dp
-  !> Error bounds above this leave nothing to check: the slack grows no further.
-  real(dp), parameter :: largest_bound = 0.01_dp
   !> Depths between contact rows are told from this part of what the two bodies move on.
   real(dp), parameter :: told_part = 0.25_dp
-  real(dp), parameter :: coordinate_rounding = 1.0e-13_dp  !! Rounding of coordinates relative to the largest.
+  !> Only bodies whose boxes before deformation differ by less than this fraction of their diagonal are looked at [].
+  real(dp), parameter :: same_box = 0.25_dp
 
 contains
 
@@ -166,7 +172,7 @@ contains
     a_in_b = body_penetration_t(a, b)
     b_in_a = body_penetration_t(b, a)
     call measure_motion(parts_a, parts_b, tolerance%moved, rounding)
-    tolerance%slack = (least_fraction + min(largest_bound, max(0.0_dp, error_bound)))*tolerance%moved + rounding
+    tolerance%slack = (of_mesh + min(notable, max(0.0_dp, error_bound)))*tolerance%moved + rounding
     do i = 1, size(parts_a%part)
       do j = merge(i + 1, 1, a == b), size(parts_b%part)
         associate (p => parts_a%part(i), q => parts_b%part(j))
@@ -299,7 +305,7 @@ contains
     moved = 0
     rounding = 0
     if (size(x, 2) == 0) return
-    rounding = coordinate_rounding*max(maxval(abs(x)), maxval(abs(x + u)))
+    rounding = given_rounding*max(maxval(abs(x)), maxval(abs(x + u)))
     x = x - spread(sum(x, dim=2)/size(x, 2), 2, size(x, 2))
     u = u - spread(sum(u, dim=2)/size(u, 2), 2, size(u, 2))
     rotation = mean_rotation(x, u)
@@ -362,4 +368,69 @@ contains
     end if
     call worst%add(here)
   end subroutine check_parts
+
+  !> Facets of a part whose centres lie on faces of another one.
+  pure subroutine find_touch(a, b, slack, touch)
+    type(solid_t), intent(in) :: a  !! The part.
+    type(solid_t), intent(in) :: b  !! The other part.
+    real(dp), intent(in) :: slack  !! Error of the displacements and of rounding [length].
+    type(touch_t), intent(inout) :: touch  !! Facets are added.
+    real(dp) :: depth, xi(2), x(3), normal(3), xu(3), xv(3)
+    integer :: f, facet, hint
+    hint = 0
+    do f = 1, a%set%n
+      if (any(a%set%hi(:, f) < b%tree%volume(1)%lo - slack .or. a%set%lo(:, f) > b%tree%volume(1)%hi + slack)) cycle
+      xi = merge(1/3.0_dp, 0.0_dp, a%set%corners(f) == 3)
+      call facet_position_and_normal(a%set, f, xi, x, normal, xu, xv)
+      call b%depth_of(x, hint, depth, facet, xi)
+      hint = facet
+      if (abs(depth) > same_place*b%set%size(facet) + slack + b%roughness(facet) + a%roughness(f)) cycle
+      if (dot_product(normal, b%normal(:, facet)) > facing_cosine) cycle
+      if (touch%n_facets == 0 .or. depth > touch%depth) touch%position = x
+      touch%n_facets = touch%n_facets + 1
+      if (depth > slack) touch%depth = max(touch%depth, depth)
+    end do
+  end subroutine find_touch
+
+  !> Find the deepest middle of an element of a body inside another body, if half of those looked at are inside.
+  pure subroutine find_shared_interior(mesh, u, own, other, depth, position)
+    type(body_mesh_t), intent(in) :: mesh  !! Mesh of the body.
+    real(dp), intent(in) :: u(:, :)  !! Displacements of its nodes (dimension, n_nodes) [length].
+    type(solid_t), intent(in) :: own  !! Its boundary.
+    type(solid_t), intent(in) :: other  !! Boundary of the other body.
+    real(dp), intent(out) :: depth  !! Depth; 0 where less than half of the body is inside [length].
+    real(dp), intent(out) :: position(3)  !! Position after deformation (3) [length].
+    real(dp) :: x(3), xi(2), here, size_of
+    integer :: b, e, facet, n, n_inside, first, step
+    depth = 0
+    position = 0
+    size_of = norm2(maxval(own%x0, 2) - minval(own%x0, 2))
+    if (any(abs(maxval(own%x0, 2) - maxval(other%x0, 2)) > same_box*size_of) .or. &
+        any(abs(minval(own%x0, 2) - minval(other%x0, 2)) > same_box*size_of)) return
+    n = 0
+    n_inside = 0
+    x = 0
+    first = 0
+    do b = 1, size(mesh%block)
+      associate (node => mesh%block(b)%node, d => size(u, 1))
+        step = sample_step(size(node, 2))
+        if (allocated(mesh%whole)) step = 1
+        do e = 1, size(node, 2), step
+          if (allocated(mesh%whole)) then
+            if (mod(mesh%whole%element(first + e) - 1, sample_step(mesh%whole%n_of_block(b))) > 0) cycle
+          end if
+          x(1:d) = sum(mesh%x(:, node(:, e)) + u(:, node(:, e)), 2)/size(node, 1)
+          call other%depth_of(x, 0, here, facet, xi)
+          n = n + 1
+          if (.not. here > 0) cycle
+          n_inside = n_inside + 1
+          if (here <= depth) cycle
+          depth = here
+          position = x
+        end do
+        first = first + size(node, 2)
+      end associate
+    end do
+    if (2*n_inside < n) depth = 0
+  end subroutine find_shared_interior
 end module dotyk_control_couple_penetration

@@ -1,10 +1,17 @@
 !> From assembled bodies to factors: order, analyse, factorize.
+!>
+!> Costs of products with a compliance are compared before anything is factorized, so they are floating-point operations
+!> at the speed of a factorization, and the speeds of everything else are fixed fractions of it: the choice must be the
+!> same from run to run.
+!>
+!> Memory of a run is predicted when all is assembled and analysed. Rows of ties are all active, and their matrices
+!> count where the run will have them; how many contact rows will be is not known.
 module dotyk_control_factorization
   use dotyk_base_error, only: error_slot_t, error_t, problem_list_t, exit_machine, set_error
   use dotyk_base_interrupt, only: interrupted, stop_if_interrupted
   use dotyk_base_kinds, only: dp, int64
   use dotyk_base_memory, only: memory_t, memory_text, set_item
-  use dotyk_base_options, only: response_auto, response_compliance
+  use dotyk_base_options, only: linear_solver_auto, linear_solver_iterative, response_auto, response_compliance
   use dotyk_base_parcel, only: parcel_t
   use dotyk_base_progress, only: add_progress, expect_progress
   use dotyk_contact_operator, only: contact_block_t
@@ -14,13 +21,25 @@ module dotyk_control_factorization
   use dotyk_control_response_choice, only: form_direct, form_multigrid, form_whole, operator_slot_t
   use dotyk_elasticity_body, only: body_t, stiffness_t
   use dotyk_elasticity_body_modes, only: body_modes_t
-  use dotyk_response_cost_model, only: matrix_is_cheaper, workload_t
   use dotyk_linalg_cholesky, only: cholesky_t
   use dotyk_ranks_communication, only: n_local_ranks, n_ranks
   use dotyk_ranks_exchange, only: by_owner, is_own, share, share_errors, share_parcel
   use dotyk_response_stiffness_factor, only: factorization_report_t
+  use dotyk_scheme_linear_solver_choice, only: add_costs, takes_products
   implicit none
   private
+  public :: analyze_bodies, check_memory, factorize_bodies, predicted_memory
+
+  type :: workload_t  !! Products to come.
+    !> Contact rows of all bodies of the congruence class, and number of these bodies.
+    integer :: n_rows = 0, n_bodies = 1
+    !> Products one by one, one in each step of an iterative scheme; 0: the scheme forms the matrix.
+    integer :: n_steps = 0
+  end type workload_t
+
+  !> Speed of a factorization over that of single triangular solves, and of forward substitutions of blocks of rows.
+  real(dp), parameter :: slowness_of_solves = 10, slowness_of_substitution = 1.3_dp
+  real(dp), parameter :: most_bytes = 1.0e9_dp  !! Bytes that a matrix may take which the user did not ask for.
 
   !> What is known of a factor before it is made. It is that of the representative of a class; other bodies have
   !> `forms_matrix`, the entries of products and of the class, `is_slow` and `steps` only.
@@ -45,13 +64,14 @@ module dotyk_control_factorization
     procedure :: carry => size_carry
   end type factor_size_t
 
-  public :: analyze_bodies, check_memory, factorize_bodies
-
   !> Memory beside a factor while it is made, as a fraction of it [].
-  real(dp), parameter, public :: beside_factor = 0.15_dp
+  real(dp), parameter :: beside_factor = 0.15_dp
   !> Memory that a solve by smoothed aggregation reads, as a multiple of the matrix of the corner space; factors are
   !> read twice. The levels below the matrix, their factor and the interpolation take as much memory as it does.
   integer, parameter :: aggregated_products = 5
+  !> Vectors, low-precision copies and estimates of a body with p-multigrid beside its block rows, and of a body that is
+  !> solved by its factor [byte/unknown].
+  real(dp), parameter :: beside_rows = 200, beside_direct = 100
 
 contains
 
@@ -321,4 +341,51 @@ contains
     end do
     call problems%raise(error)
   end subroutine collect
+
+  !> Whether forming the matrix pays, and it does not take too much memory.
+  pure logical function matrix_is_cheaper(work, factor_entries, path_entries) result(cheaper)
+    type(workload_t), intent(in) :: work  !! Products to come.
+    real(dp), intent(in) :: factor_entries  !! Entries of the factor [].
+    !> Entries of the factor from a contact unknown to the root of the elimination tree [].
+    real(dp), intent(in) :: path_entries
+    real(dp) :: of_solves, of_matrix, n
+    cheaper = .false.
+    if (work%n_steps == 0 .or. 8*real(work%n_rows, dp)**2/work%n_bodies > most_bytes) return
+    ! Triangular solves: each entry of the factor twice, an addition and a multiplication.
+    of_solves = slowness_of_solves*4*factor_entries*work%n_steps*work%n_bodies
+    ! Forming the matrix, and multiplying with it; the unknowns on the path are about the root of twice its entries.
+    n = real(work%n_rows, dp)/work%n_bodies
+    of_matrix = work%n_bodies*(slowness_of_substitution*(2*path_entries*n + sqrt(2*path_entries)*n**2) + &
+                               slowness_of_solves*2*n**2*work%n_steps)
+    cheaper = of_matrix < of_solves
+  end function matrix_is_cheaper
+
+  !> Peak memory [bytes].
+  real(dp) function predicted_memory(n_unknowns, n_rows, size_of, used, n_tied, linear_solver, room) result(memory)
+    integer, intent(in) :: n_unknowns(:)  !! Unknowns of the bodies (n_bodies).
+    integer, intent(in) :: n_rows(:)  !! Contact rows of the bodies (n_bodies).
+    !> Sizes of the factors; without bytes for all but one of congruent bodies (n_bodies).
+    type(factor_size_t), intent(in) :: size_of(:)
+    real(dp), intent(in) :: used  !! Memory in use, all assembled and analysed [bytes].
+    integer, intent(in), optional :: n_tied(:)  !! Rows of ties among those of the bodies; none if absent (n_bodies).
+    integer, intent(in), optional :: linear_solver  !! One of `linear_solver_*`; present with `n_tied`.
+    real(dp), intent(in), optional :: room  !! Memory for matrices of the rows; present with `n_tied` [bytes].
+    real(dp) :: cost(2), of_ties
+    integer :: b
+    logical :: by_products
+    memory = used + (1 + beside_factor)*sum(real(size_of%bytes, dp)) + &
+             sum(n_unknowns*merge(beside_rows, beside_direct, size_of%form == form_multigrid))
+    ! The compliance of the rows in the corner spaces.
+    if (any(size_of%form /= form_direct)) memory = memory + 8*sum(real(n_rows, dp)**2)
+    if (.not. present(n_tied)) return
+    cost = 0
+    of_ties = 0
+    do b = 1, size(size_of)
+      if (n_tied(b) > 0) call add_costs(n_tied(b), size_of(b)%path_entries, real(size_of(b)%class_entries, dp), &
+                                        .true., all(n_rows == n_tied), cost, of_ties)
+    end do
+    by_products = linear_solver == linear_solver_iterative
+    if (linear_solver == linear_solver_auto) by_products = takes_products(cost, [of_ties, 0.0_dp], room)
+    if (.not. by_products) memory = memory + of_ties
+  end function predicted_memory
 end module dotyk_control_factorization

@@ -4,24 +4,21 @@ module dotyk_control_mesh_error
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp, int64
   use dotyk_base_memory, only: allowance_t, memory_now, memory_t
+  use dotyk_base_thresholds, only: notable
   use dotyk_control_body_solution, only: body_solution_t, displacements_t
-  use dotyk_control_congruent_groups, only: congruent_group_t, congruent_groups, most_bodies
-  use dotyk_control_contact_problem, only: contact_problem_t
+  use dotyk_control_contact_problem, only: congruent_group_t, congruent_groups, contact_problem_t, most_bodies
   use dotyk_control_kept_estimates, only: kept_class_t, kept_estimates_t, most_of_memory
   use dotyk_control_residual_actions, only: collect_actions, join_actions
   use dotyk_elasticity_body, only: body_t
   use dotyk_elasticity_discretization_error, only: estimate_discretization_errors
-  use dotyk_elasticity_load_cases, only: take_case
-  use dotyk_elasticity_node_constants, only: thermal_dilatation
   use dotyk_elasticity_element_residual, only: residual_data_t
+  use dotyk_elasticity_load_cases, only: take_case
+  use dotyk_elasticity_nodal_stress, only: thermal_dilatation
   use dotyk_elasticity_residual_check, only: check_by_residuals
   use dotyk_ranks_communication, only: n_local_ranks
   implicit none
   private
   public :: collect_thermal, estimate_mesh_errors, to_representative
-
-  !> Elements with a squared error below this fraction of the mean of all keep that of their recovered strains.
-  real(dp), parameter :: least_share = 0.01_dp
 
 contains
 
@@ -70,7 +67,7 @@ contains
           if (allocated(block(j)%square(b)%value)) of_elements(b) = sum(block(j)%square(b)%value)
         end do
         call problem%ranks%share_sum(of_elements)
-        least(j) = least_share*sum(of_elements)/n
+        least(j) = notable*sum(of_elements)/n
         call problem%ranks%share_sum(of_body(:, j))
         block(j)%norm_square = sum(of_body(:, j))
       end do
@@ -103,8 +100,7 @@ contains
       end do
       call collect_thermal(problem, some, of_case)
       if (.not. allocated(of_case)) cycle
-      if (.not. allocated(thermal)) &
-        allocate (thermal(n*size(block), size(of_case, 2), size(of_case, 3)), source=0.0_dp)
+      if (.not. allocated(thermal)) allocate (thermal(n*size(block), size(of_case, 2), size(of_case, 3)), source=0.0_dp)
       thermal((j - 1)*n + 1:j*n, :, :) = of_case
     end do
     call displacements_of(problem, some, block, u)

@@ -75,8 +75,7 @@ contains
       call project_pressures(problem, qp%pair_first_row, state%pressure, qp%of_vertices(state%penetration), pair, &
                              nodal, error)
     if (allocated(error)) return
-    if (any(quantity%kind == quantity_mises)) &
-      call recover_nodal_stresses(problem, displacements, kept, stress, error)
+    if (any(quantity%kind == quantity_mises)) call recover_nodal_stresses(problem, displacements, kept, stress, error)
     if (allocated(error)) return
     do i = 1, size(quantity)
       associate (of => errors%of(i), p => quantity(i)%pair, b => quantity(i)%body)

@@ -3,8 +3,7 @@ module dotyk_control_nodal_stresses
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
   use dotyk_control_body_solution, only: body_solution_t, displacements_t
-  use dotyk_control_congruent_groups, only: congruent_group_t, congruent_groups
-  use dotyk_control_contact_problem, only: contact_problem_t
+  use dotyk_control_contact_problem, only: congruent_group_t, congruent_groups, contact_problem_t
   use dotyk_control_kept_estimates, only: kept_class_t, kept_estimates_t
   use dotyk_control_mesh_error, only: to_representative
   use dotyk_elasticity_body, only: body_t

@@ -9,19 +9,20 @@ module dotyk_control_penetration_check
   use dotyk_base_kinds, only: dp
   use dotyk_base_parcel, only: parcel_t
   use dotyk_base_sort, only: sort_order
+  use dotyk_base_thresholds, only: of_mesh
   use dotyk_contact_broad_phase, only: overlapping_boxes
   use dotyk_contact_met_points, only: met_point_t
   use dotyk_control_body_solution, only: body_solution_t
   use dotyk_control_contact_problem, only: contact_problem_t
   use dotyk_control_couple_penetration, only: body_penetration_t, check_bodies, parts_t, split_parts
-  use dotyk_control_pairs_of_bodies, only: pairs_of_bodies_t
+  use dotyk_control_explained_penetration, only: pairs_of_bodies_t
   use dotyk_control_pressures, only: nodal_field_t
   use dotyk_elasticity_body, only: body_t
   use dotyk_mesh_body_mesh, only: body_mesh_t, connected_components
   use dotyk_mesh_boundary, only: extract_boundary
   use dotyk_mesh_surface, only: surface_nodes, surface_t
   use dotyk_ranks_communication, only: n_ranks, this_rank
-  use dotyk_ranks_division, only: deal_out, division_t
+  use dotyk_ranks_division, only: deal_out, division_t, least_divided
   use dotyk_ranks_exchange, only: all_ranks, by_owner, is_own, share_parcel
   implicit none
   private
@@ -51,10 +52,6 @@ module dotyk_control_penetration_check
   integer, parameter :: many = 4
   !> Couples that are checked before the boundaries of bodies are given up that no later ones need.
   integer, parameter :: most_at_once = 2048
-  !> From this number of boundary nodes of two bodies on, ranks divide their check: below, the exchanges take as long.
-  real(dp), parameter :: least_divided = 1000
-  !> Overlaps below this fraction of the diameter of the smaller body, before loading, are those of meshes [].
-  real(dp), parameter :: least_overlap = 1.0e-3_dp
 
 contains
 
@@ -87,7 +84,7 @@ contains
                            [(0.0_dp, k=1, size(problem%pair))], 0.0_dp, check, &
                            beside_pairs=.true.)
     associate (of_body => check%found%body, other => check%found%other)
-      found = pack(check%found, [(check%found(k)%worst%depth > least_overlap* &
+      found = pack(check%found, [(check%found(k)%worst%depth > of_mesh* &
                                   min(problem%body(of_body(k))%mesh%diameter(), &
                                       problem%body(other(k))%mesh%diameter()), k=1, size(check%found))])
     end associate
@@ -133,8 +130,7 @@ contains
       integer, intent(in) :: c  !! Index of the other body, not lower.
       ! Where meshes of a tied surface do not fit, they overlap for good.
       counts = .not. problem%are_tied(a, c)
-      if (present(beside_pairs)) &
-        counts = counts .and. a /= c .and. size(pairs%between(problem%pair, a, c)) == 0
+      if (present(beside_pairs)) counts = counts .and. a /= c .and. size(pairs%between(problem%pair, a, c)) == 0
     end function counts
   end subroutine check_penetration
 

@@ -16,14 +16,14 @@ module dotyk_control_quantity_error
   use dotyk_base_thresholds, only: rounding
   use dotyk_contact_pair, only: pair_force
   use dotyk_control_body_solution, only: body_solution_t, displacements_t, element_field_t
-  use dotyk_control_congruent_groups, only: congruent_group_t, congruent_groups, most_bodies
-  use dotyk_control_contact_problem, only: contact_problem_t, first_mode
+  use dotyk_control_contact_problem, only: congruent_group_t, congruent_groups, contact_problem_t, first_mode, &
+    most_bodies
   use dotyk_control_error_budget, only: error_budget_t
   use dotyk_control_kept_estimates, only: kept_estimates_t
   use dotyk_control_mesh_error, only: collect_thermal, to_representative
   use dotyk_control_parallel, only: set_blas_threads
-  use dotyk_elasticity_constraint, only: constraint_t, held
   use dotyk_elasticity_assembly, only: subtract_dirichlet_lift
+  use dotyk_elasticity_constraint, only: constraint_t, held
   use dotyk_elasticity_discretization_error, only: estimate_discretization_errors
   use dotyk_elasticity_internal_force, only: find_reactions
   use dotyk_scheme_body_compliance, only: body_compliance_t

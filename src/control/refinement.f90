@@ -7,15 +7,15 @@
 module dotyk_control_refinement
   use dotyk_base_error, only: error_slot_t, error_t, add_context, set_error, exit_not_solvable
   use dotyk_base_kinds, only: dp, qp
+  use dotyk_base_options, only: analysis_plane_stress
   use dotyk_base_text, only: quoted, to_text
   use dotyk_base_thresholds, only: one_digit
   use dotyk_control_body_solution, only: body_solution_t, share_solution
-  use dotyk_control_conditioning, only: conditioning_t
+  use dotyk_control_congruence_classes, only: congruence_classes_t
   use dotyk_control_contact_problem, only: contact_problem_t, first_mode
-  use dotyk_base_options, only: analysis_plane_stress
   use dotyk_elasticity_body, only: body_t, strain_energy
-  use dotyk_elasticity_internal_force, only: body_force
   use dotyk_elasticity_conditioning_diagnosis, only: diagnose_conditioning
+  use dotyk_elasticity_internal_force, only: body_force
   use dotyk_elasticity_material, only: least_compressible
   use dotyk_elasticity_nodal_stress, only: element_stress
   use dotyk_ranks_exchange, only: share, share_errors
@@ -25,7 +25,23 @@ module dotyk_control_refinement
   use dotyk_scheme_contact_qp, only: contact_qp_t
   implicit none
   private
-  public :: energy_of, refine_bodies, refuse_lost_pressures, penetrations
+  public :: energy_of, refine_bodies, refuse_lost_pressures, penetrations, collect_conditioning
+
+  type, public :: conditioning_t  !! The conditioning of one body.
+    real(dp) :: condition = 1  !! Condition number of the scaled stiffness; a lower bound where not measured [].
+    !> That of the stiffness without the near-null-space modes that were split off, likewise [].
+    real(dp) :: condition_left = 1
+    logical :: is_measured = .false.  !! Whether both were measured.
+    logical :: is_rounded = .false.  !! Whether rounding of its displacement exceeds what the tolerance allows.
+    integer :: n_near_null = 0  !! Near-null-space modes that were split off.
+    integer :: n_steps = 0  !! Steps of iterative refinement of its displacement, 0 where none was needed.
+  contains
+    procedure :: lost_digits => conditioning_lost_digits
+    procedure :: needs_refinement => conditioning_needs_refinement
+  end type conditioning_t
+
+
+  real(dp), parameter :: refined_condition = 1.0e7_dp  !! Conditions above this are worth iterative refinement.
 
   integer, parameter :: most_restarts = 4, most_steps = 8  !! Restarts with a true residual, and steps between them.
   !> Residuals below this fraction of the displacement, in the energy norm, are as small as they get.
@@ -261,4 +277,33 @@ contains
       energy = energy + sum(report%spring*real(x(fixed), dp)**2)
     end associate
   end subroutine apply_stiffness
+
+  !> Decimal digits of 16 that are lost in a solve with the factor.
+  elemental integer function conditioning_lost_digits(self) result(lost)
+    class(conditioning_t), intent(in) :: self
+    lost = nint(log10(max(1.0_dp, min(1.0e16_dp, self%condition_left))))
+  end function conditioning_lost_digits
+
+  !> Whether the displacement is to be refined with residuals computed from the elements.
+  elemental logical function conditioning_needs_refinement(self) result(needs)
+    class(conditioning_t), intent(in) :: self
+    needs = self%is_rounded .or. (self%is_measured .and. self%condition_left > refined_condition)
+  end function conditioning_needs_refinement
+
+  !> From the factorizations.
+  pure subroutine collect_conditioning(classes, report, conditioning)
+    type(congruence_classes_t), intent(in) :: classes  !! Classes of congruent bodies.
+    type(factorization_report_t), intent(in) :: report(:)  !! Reports of the representatives (n_bodies).
+    type(conditioning_t), allocatable, intent(out) :: conditioning(:)  !! Conditioning of the bodies (n_bodies).
+    integer :: b
+    allocate (conditioning(size(report)))
+    do b = 1, size(report)
+      associate (of_class => report(classes%first(b)))
+        conditioning(b)%condition = of_class%condition
+        conditioning(b)%condition_left = of_class%condition_left
+        conditioning(b)%is_measured = of_class%is_measured
+        conditioning(b)%n_near_null = of_class%n_near_null
+      end associate
+    end do
+  end subroutine collect_conditioning
 end module dotyk_control_refinement

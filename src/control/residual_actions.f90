@@ -302,8 +302,7 @@ contains
     least = rounding*maxval(abs(force))
     normal = 0
     do q = 1, pair%n_points
-      if (abs(force(q)) > least) &
-        normal(:, facet(q)) = normal(:, facet(q)) + pair%weight(q)*pair%normal(:, q)
+      if (abs(force(q)) > least) normal(:, facet(q)) = normal(:, facet(q)) + pair%weight(q)*pair%normal(:, q)
     end do
     do q = 1, surface%n_facets
       if (.not. any(abs(normal(:, q)) > 0)) cycle

@@ -8,14 +8,14 @@
 module dotyk_control_rounding
   use dotyk_base_error, only: error_slot_t, error_t, add_context
   use dotyk_base_kinds, only: dp, qp
+  use dotyk_base_thresholds, only: notable
   use dotyk_control_body_solution, only: body_solution_t
-  use dotyk_control_conditioning, only: conditioning_t
   use dotyk_control_contact_problem, only: contact_problem_t
   use dotyk_control_parallel, only: largest_first, set_blas_threads
-  use dotyk_control_refinement, only: penetrations
+  use dotyk_control_refinement, only: conditioning_t, penetrations
   use dotyk_elasticity_body, only: body_t, strain_energy
   use dotyk_elasticity_internal_force, only: body_force
-  use dotyk_ranks_exchange, only: share, share_errors
+  use dotyk_ranks_exchange, only: share_errors
   use dotyk_scheme_body_compliance, only: body_compliance_t
   use dotyk_scheme_contact_qp, only: contact_qp_t
   implicit none
@@ -30,9 +30,6 @@ module dotyk_control_rounding
   !> Safety factor of the expected rounding: least eigenvalues are smaller than displacements tell, and may be the
   !> square of the pivots.
   real(dp), parameter :: margin = 10
-  !> A stiffness whose condition was not worth a measurement does not let more than this fraction of a solution be
-  !> rounding.
-  real(dp), parameter :: all_rounding = 0.01_dp
 
 contains
 
@@ -229,6 +226,6 @@ contains
     real(dp), intent(in) :: distance(:)  !! Contributions (n) [sqrt(energy)].
     real(dp), intent(in) :: norm  !! Energy norm of the solution [sqrt(energy)].
     type(conditioning_t), intent(in) :: conditioning(:)  !! Conditioning of the bodies (n_bodies).
-    is_strain_free = .not. (any(conditioning%is_measured) .or. norm2(distance) < all_rounding*norm)
+    is_strain_free = .not. (any(conditioning%is_measured) .or. norm2(distance) < notable*norm)
   end function is_strain_free
 end module dotyk_control_rounding

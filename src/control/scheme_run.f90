@@ -7,10 +7,9 @@ module dotyk_control_scheme_run
   use dotyk_scheme_active_set, only: foundation_stiffness
   use dotyk_scheme_compliance, only: compliance_t
   use dotyk_scheme_contact_qp, only: contact_qp_t
-  use dotyk_scheme_history, only: history_t
   use dotyk_scheme_monitor, only: monitor_t
   use dotyk_scheme_scheme, only: scheme_t
-  use dotyk_scheme_solver_state, only: ended_converged, ended_interrupted, solver_state_t
+  use dotyk_scheme_solver_state, only: ended_converged, ended_interrupted, history_t, solver_state_t
   use dotyk_scheme_stopping, only: solver_settings_t
   implicit none
   private

@@ -9,7 +9,7 @@
 module dotyk_control_seams
   use dotyk_base_kinds, only: dp
   use dotyk_base_sort, only: sort_order
-  use dotyk_base_thresholds, only: generic_direction, sharp_cosine
+  use dotyk_base_thresholds, only: generic_direction, of_mesh, opposite_cosine, sharp_cosine
   use dotyk_contact_pair, only: contact_pair_t
   use dotyk_control_contact_problem, only: tied_surfaces_t
   use dotyk_elasticity_body, only: body_t
@@ -18,11 +18,6 @@ module dotyk_control_seams
   implicit none
   private
   public :: count_split_rows, find_seams, pair_of_other_roles
-
-  !> Points are one where they are closer than this, in facets [].
-  real(dp), parameter :: touching = 1.0e-3_dp
-  !> A point is between two others where it sees them in opposite directions: cosine of the angle between these at most.
-  real(dp), parameter :: between = -0.5_dp
 
   type :: side_rows_t  !! Contact rows at the edge of one side of a tie.
     integer, allocatable :: row(:), pair(:), own(:)  !! The rows, their pairs, and their numbers in these (n).
@@ -74,8 +69,7 @@ contains
     do k = 1, size(tie)
       do i = 1, size(slave(k)%row)
         n = 0
-        if (.not. has_equal(slave(k)%row(i))) &
-          call interpolate(pair, tie, slave(k), i, master(k), value, n)
+        if (.not. has_equal(slave(k)%row(i))) call interpolate(pair, tie, slave(k), i, master(k), value, n)
         if (present(n_split)) n_split(slave(k)%pair(i), k) = n_split(slave(k)%pair(i), k) + n
       end do
     end do
@@ -124,7 +118,7 @@ contains
     integer :: j, found
     found = 0
     do j = 1, size(master%row)
-      if (norm2(master%x(:, j) - slave%x(:, i)) > touching*tie(k)%facet_size) cycle
+      if (norm2(master%x(:, j) - slave%x(:, i)) > of_mesh*tie(k)%facet_size) cycle
       if (.not. is_one_surface(pair, tie, slave, i, master, j)) cycle
       ! Of several, as where pairs meet on the master surface, the one of the same pair.
       if (found == 0 .or. master%pair(j) == slave%pair(i)) found = master%row(j)
@@ -170,7 +164,7 @@ contains
         n_split = 1
         if (n == 1) then
           if (dot_product(arm(:, next(1)), arm(:, candidate)) > &
-              between*distance(next(1))*distance(candidate)) cycle
+              opposite_cosine*distance(next(1))*distance(candidate)) cycle
         end if
         n = n + 1
         next(n) = candidate
@@ -247,7 +241,7 @@ contains
     real(dp) :: apart
     integer, allocatable :: near(:)
     integer :: p, q, i, j
-    apart = touching*tie(k)%facet_size
+    apart = of_mesh*tie(k)%facet_size
     associate (rows => tie(k)%component(1))
       ! Rotated sides are not side by side.
       if (rows%body_a == rows%body_b .or. allocated(rows%turn)) return
@@ -344,8 +338,7 @@ contains
         do i = 1, pair(p)%n_rows
           if (all([(norm2(rows%row_position(:, l) - x(:, i)) > tie%facet_size, l=1, rows%n_rows)])) cycle
           do j = 1, pair(other)%n_rows
-            if (norm2(pair(other)%row_position(:, j) - x(:, i)) > &
-                extent(pair(p), i) + extent(pair(other), j)) cycle
+            if (norm2(pair(other)%row_position(:, j) - x(:, i)) > extent(pair(p), i) + extent(pair(other), j)) cycle
             if (dot_product(pair(other)%row_normal(:, j), pair(p)%row_normal(:, i)) < -sharp_cosine) return
           end do
         end do
@@ -384,7 +377,7 @@ contains
     call surface_nodes(surface, node)
     do p = 1, size(pair)
       if (pair(p)%body_a /= number) cycle
-      call find_same_points(pair(p)%row_position, body%mesh%x(:, node), touching*tie%facet_size, at)
+      call find_same_points(pair(p)%row_position, body%mesh%x(:, node), of_mesh*tie%facet_size, at)
       own = pack([(i, i=1, size(at))], at > 0)
       rows%row = [rows%row, sum(pair(:p - 1)%n_rows) + own]
       rows%pair = [rows%pair, [(p, i=1, size(own))]]

@@ -7,11 +7,11 @@ module dotyk_distributed_assembly
   use petscmat, only: ADD_VALUES, INSERT_VALUES, MAT_FINAL_ASSEMBLY, MAT_IGNORE_LOWER_TRIANGULAR, MAT_SPD, &
     MatAssemblyBegin, MatAssemblyEnd, MatCreate, MatSetBlockSize, MatSetOption, MatSetSizes, MatSetType, MatSetUp, &
     MatSetValues, MatSetValuesBlocked, PETSC_COMM_WORLD, PETSC_DETERMINE, PETSC_NULL_INTEGER, PETSC_TRUE, tMat
-  use dotyk_base_error, only: error_t
+  use dotyk_base_error, only: error_t, exit_machine, set_error
   use dotyk_base_kinds, only: dp, int64
-  use dotyk_distributed_index_limits, only: check_entries
+  use dotyk_base_text, only: to_text
   use dotyk_distributed_part, only: part_t
-  use dotyk_distributed_petsc, only: has_failed
+  use dotyk_distributed_petsc, only: has_failed, largest_of_ranks
   use dotyk_elasticity_assembly, only: clear_held, contract, element_stiffness
   use dotyk_elasticity_constraint, only: held
   use dotyk_elasticity_corner_space, only: corner_weights
@@ -22,7 +22,9 @@ module dotyk_distributed_assembly
   use dotyk_mesh_element, only: element_kind, element_kind_t
   implicit none
   private
-  public :: add_elements, assemble_interpolation, finish_matrix, make_block_matrix
+  public :: add_elements, assemble_interpolation, finish_matrix, make_block_matrix, check_entries, check_unknowns
+
+  integer(int64), parameter :: largest = huge(1)  !! Largest index: PETSc and the program count in default integers.
 
 contains
 
@@ -298,4 +300,27 @@ contains
     call MatAssemblyEnd(matrix, MAT_FINAL_ASSEMBLY, code)
     if (has_failed(code, 'assembly', error)) return
   end subroutine finish_matrix
+
+  !> Whether all unknowns have a number.
+  subroutine check_unknowns(n, error)
+    integer(int64), intent(in) :: n  !! Unknowns of all bodies, held ones included.
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where they are too many; the same on all ranks.
+    if (n <= largest) return
+    call set_error(error, 'PETSc was built with 32-bit indices, which number '//to_text(largest)//' unknowns; '// &
+                   'these bodies have '//to_text(n)//': make the meshes coarser', exit_machine)
+  end subroutine check_unknowns
+
+  !> Whether the entries of a matrix on each rank can be counted. All ranks ask together.
+  subroutine check_entries(n, error)
+    integer(int64), intent(in) :: n  !! Entries of this rank.
+    !> Allocated where those of a rank are too many; the same on all ranks.
+    type(error_t), allocatable, intent(out) :: error
+    real(dp) :: most(1)
+    most = real(n, dp)
+    call largest_of_ranks(most)
+    if (most(1) <= real(largest, dp)) return
+    call set_error(error, 'PETSc was built with 32-bit indices, which number '//to_text(largest)// &
+                   ' entries of the stiffness on a rank; one has '//to_text(nint(most(1), int64))// &
+                   ': take more ranks', exit_machine)
+  end subroutine check_entries
 end module dotyk_distributed_assembly

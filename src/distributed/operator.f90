@@ -12,23 +12,25 @@ module dotyk_distributed_operator
   use petscksp, only: KSPComputeExtremeSingularValues, KSPCreate, KSPDestroy, KSPGetConvergedReason, KSPGetPC, &
     KSPSetComputeSingularValues, KSPSetNormType, KSPSetOperators, KSPSetTolerances, KSPSetType, KSPSolve, &
     KSP_DIVERGED_NANORINF, KSP_NORM_NATURAL, MATOP_MULT, MatDestroy, MatMult, PCApply, PCCreate, PCDestroy, &
-    PCSetOperators, PCSetType, PCSetUp, PETSC_COMM_WORLD, PETSC_DEFAULT_REAL, PETSC_DETERMINE, PETSC_TRUE, tKSP, &
-    tMat, tPC, tVec, VecDestroy, VecGetArrayF90, VecGetArrayReadF90, VecRestoreArrayF90, VecRestoreArrayReadF90, &
-    VecScale
+    PCSetOperators, PCSetType, PCSetUp, PETSC_COMM_WORLD, PETSC_DEFAULT_REAL, PETSC_DETERMINE, PETSC_TRUE, tKSP, tMat, &
+    tPC, tVec, VecDestroy, VecGetArrayF90, VecGetArrayReadF90, VecRestoreArrayF90, VecRestoreArrayReadF90, VecScale
+  use petscmat, only: INSERT_VALUES, MatCreate, MatGetValues, MatSetSizes, MatSetType, MatSetValues, PETSC_COMM_WORLD, &
+    PETSC_DETERMINE, PETSC_NULL_INTEGER, tMat
   use dotyk_base_error, only: error_t, exit_not_solvable, set_error
   use dotyk_base_kinds, only: dp
   use dotyk_base_thresholds, only: golden
   use dotyk_contact_operator, only: contact_block_t
+  use dotyk_distributed_assembly, only: finish_matrix
   use dotyk_distributed_contact_rows, only: contact_rows_t
-  use dotyk_distributed_diagonal_blocks, only: inverse_blocks, make_blocks
   use dotyk_distributed_petsc, only: has_failed, sum_of_ranks
   use dotyk_distributed_stiffness, only: distributed_stiffness_t
+  use dotyk_linalg_chebyshev, only: lanczos_margin, lanczos_steps
   use dotyk_linalg_cholesky, only: cholesky_t
   use dotyk_linalg_sparse, only: sparse_symmetric_t
   use dotyk_ranks_exchange, only: agree_on_error
   use dotyk_scheme_coarse_space, only: mode_block_t
   use dotyk_scheme_gap_closing, only: factorize_rows, restrict_matrix
-  use dotyk_scheme_mode_factor, only: mode_factor_t, multiply_springs
+  use dotyk_scheme_proximal_system, only: mode_factor_t, multiply_springs
   implicit none
   private
 
@@ -60,11 +62,8 @@ module dotyk_distributed_operator
     procedure :: destroy => operator_destroy
   end type system_operator_t
 
-  !> Lanczos steps for the greatest eigenvalue, and the margin, as in `dotyk_linalg_chebyshev`.
-  integer, parameter :: lanczos_steps = 12
   !> Reduction of the residual at which Ritz values are exact: another step would divide zero by zero [].
   real(dp), parameter :: exact = 1.0e-10_dp
-  real(dp), parameter :: margin = 1.1_dp
 
   interface
     !> Make an operator of an own procedure.
@@ -198,7 +197,7 @@ contains
     if (reason /= KSP_DIVERGED_NANORINF) call KSPComputeExtremeSingularValues(solver, self%greatest, least, code)
     if (.not. (self%greatest > 0 .and. self%greatest <= huge(least))) &
       call set_error(error, 'the stiffness has numbers that are not finite', exit_not_solvable)
-    self%greatest = margin*self%greatest
+    self%greatest = lanczos_margin*self%greatest
     call KSPDestroy(solver, code)
     call VecDestroy(b, code)
     call VecDestroy(x, code)
@@ -345,4 +344,74 @@ contains
     call self%rows%destroy()
     deallocate (self%active)
   end subroutine operator_destroy
+
+  !> The diagonal blocks as a matrix.
+  subroutine make_blocks(stiffness, blocks, error)
+    type(distributed_stiffness_t), intent(in) :: stiffness  !! The stiffness.
+    type(tMat), intent(out) :: blocks  !! Gets them; to be destroyed [force/length].
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where PETSc fails.
+    type(tMat) :: matrix
+    real(dp) :: block(stiffness%dim**2)
+    integer :: i, j, row(stiffness%dim), code
+    external :: MatMPIBAIJSetPreallocation, MatSeqBAIJSetPreallocation
+    matrix = stiffness%matrix()
+    call MatCreate(PETSC_COMM_WORLD, blocks, code)
+    call MatSetSizes(blocks, stiffness%dim*stiffness%n_own, stiffness%dim*stiffness%n_own, PETSC_DETERMINE, &
+                     PETSC_DETERMINE, code)
+    call MatSetType(blocks, 'baij', code)
+    call MatSeqBAIJSetPreallocation(blocks, stiffness%dim, 1, PETSC_NULL_INTEGER, code)
+    call MatMPIBAIJSetPreallocation(blocks, stiffness%dim, 1, PETSC_NULL_INTEGER, 0, PETSC_NULL_INTEGER, code)
+    do i = 0, stiffness%n_own - 1
+      row = stiffness%dim*(stiffness%first + i) + [(j, j=0, stiffness%dim - 1)]
+      call MatGetValues(matrix, stiffness%dim, row, stiffness%dim, row, block, code)
+      call MatSetValues(blocks, stiffness%dim, row, stiffness%dim, row, block, INSERT_VALUES, code)
+      if (has_failed(code, 'diagonal blocks', error)) return
+    end do
+    call finish_matrix(blocks, error)
+  end subroutine make_blocks
+
+  !> Inverse diagonal blocks of own nodes.
+  subroutine inverse_blocks(stiffness, node, inverse, error)
+    type(distributed_stiffness_t), intent(in) :: stiffness  !! The stiffness.
+    integer, intent(in) :: node(:)  !! Places among the own nodes (n).
+    real(dp), allocatable, intent(out) :: inverse(:, :, :)  !! (dim, dim, n) [length/force]
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where PETSc fails.
+    type(tMat) :: matrix
+    real(dp) :: block(stiffness%dim**2)
+    integer :: i, j, row(stiffness%dim), code
+    allocate (inverse(stiffness%dim, stiffness%dim, size(node)))
+    matrix = stiffness%matrix()
+    do i = 1, size(node)
+      row = stiffness%dim*(stiffness%first + node(i) - 1) + [(j, j=0, stiffness%dim - 1)]
+      call MatGetValues(matrix, stiffness%dim, row, stiffness%dim, row, block, code)
+      if (has_failed(code, 'diagonal blocks', error)) return
+      call invert(stiffness%dim, reshape(block, [stiffness%dim, stiffness%dim]), inverse(:, :, i))
+    end do
+  end subroutine inverse_blocks
+
+  !> The inverse of a small symmetric positive definite matrix, by elimination.
+  pure subroutine invert(n, matrix, inverse)
+    integer, intent(in) :: n  !! Order.
+    real(dp), intent(in) :: matrix(n, n)  !! The matrix (n, n) [any].
+    real(dp), intent(out) :: inverse(n, n)  !! Its inverse (n, n) [1/matrix].
+    real(dp) :: rest(n, n), factor
+    integer :: i, j
+    rest = matrix
+    inverse = 0
+    do i = 1, n
+      inverse(i, i) = 1
+    end do
+    do i = 1, n
+      factor = 1/rest(i, i)
+      rest(i, :) = factor*rest(i, :)
+      inverse(i, :) = factor*inverse(i, :)
+      do j = 1, n
+        if (j == i) cycle
+        factor = rest(j, i)
+        rest(j, :) = rest(j, :) - factor*rest(i, :)
+        inverse(j, :) = inverse(j, :) - factor*inverse(i, :)
+      end do
+    end do
+    inverse = (inverse + transpose(inverse))/2
+  end subroutine invert
 end module dotyk_distributed_operator

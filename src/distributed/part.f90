@@ -1,4 +1,4 @@
-!> The part of a body that one rank holds (`dotyk_elasticity_held_body`), with what belongs to its nodes: all elements
+!> The part of a body that one rank holds (`hold_body`), with what belongs to its nodes: all elements
 !> of own nodes are there, so that rows of matrices of own nodes need no other rank.
 module dotyk_distributed_part
   use dotyk_base_kinds, only: dp
@@ -38,7 +38,7 @@ contains
   subroutine part_init(self, b, body, mode)
     class(part_t), intent(out) :: self
     integer, intent(in) :: b  !! Index of the body.
-    !> What this rank holds of it (`dotyk_elasticity_held_body`); it need not be assembled.
+    !> What this rank holds of it (`hold_body`); it need not be assembled.
     type(body_t), intent(in) :: body
     real(dp), intent(in) :: mode(:, :, :)  !! Its rigid body modes (dim, n_nodes, n_modes) [].
     self%body = b

@@ -3,18 +3,25 @@
 !>
 !> Displacements are those along the axes of the nodes (`constraint_t`), zero where they are held; prescribed ones are
 !> in the loads. Everything of a rank is of the size of its parts.
+!>
+!> Block rows of the matrices of all bodies: rank after rank, each rank's own nodes part by part along a space-filling
+!> curve; those of the coarse matrix likewise, on the corners.
 module dotyk_distributed_stiffness
-  use petscmat, only: MatDestroy, MatGetDiagonal, PETSC_COMM_WORLD, PETSC_DETERMINE, tMat
-  use petscvec, only: PETSC_NULL_VEC, tVec, VecDestroy, VecGetArrayF90, VecRestoreArrayF90
+  use petscmat, only: MatDestroy, MatGetDiagonal, MatNullSpaceCreate, MatNullSpaceDestroy, MatSetNearNullSpace, &
+    PETSC_COMM_WORLD, PETSC_DETERMINE, PETSC_FALSE, tMat, tMatNullSpace
+  use petscvec, only: INSERT_VALUES, ISCreateGeneral, ISCreateStride, ISDestroy, PETSC_COMM_SELF, PETSC_COMM_WORLD, &
+    PETSC_COPY_VALUES, PETSC_DECIDE, PETSC_NULL_VEC, SCATTER_FORWARD, tIS, tVec, tVecScatter, VecAssemblyBegin, &
+    VecAssemblyEnd, VecAXPY, VecCreateMPI, VecCreateSeq, VecDestroy, VecDot, VecDuplicate, VecGetArrayF90, &
+    VecGetArrayReadF90, VecNormalize, VecRestoreArrayF90, VecRestoreArrayReadF90, VecSetValues
   use dotyk_base_error, only: error_t, exit_not_solvable, set_error
   use dotyk_base_kinds, only: dp, int64
-  use dotyk_distributed_assembly, only: add_elements, assemble_interpolation, finish_matrix, make_block_matrix
-  use dotyk_distributed_index_limits, only: check_unknowns
-  use dotyk_distributed_near_null_space, only: set_near_null_space
-  use dotyk_distributed_numbering, only: gather_entries, number_rows
+  use dotyk_distributed_assembly, only: add_elements, assemble_interpolation, check_unknowns, finish_matrix, &
+    make_block_matrix
   use dotyk_distributed_part, only: part_t
-  use dotyk_distributed_petsc, only: first_of_rank, has_failed, sum_of_ranks
+  use dotyk_distributed_petsc, only: first_of_rank, has_failed, largest_of_ranks, sum_of_ranks
   use dotyk_elasticity_constraint, only: held
+  use dotyk_elasticity_rigid_body_modes, only: near_null_vectors
+  use dotyk_mesh_element_ordering, only: morton_order
   use dotyk_ranks_exchange, only: agree_on_error
   implicit none
   private
@@ -85,8 +92,7 @@ contains
     bad = self%n_own_corners
     call sum_of_ranks(bad)
     self%n_corners = bad(1)
-    if (.not. self%is_linear) &
-      call make_block_matrix(.true., self%dim, self%n_own, self%part, .false., self%fine, error)
+    if (.not. self%is_linear) call make_block_matrix(.true., self%dim, self%n_own, self%part, .false., self%fine, error)
     if (.not. allocated(error)) &
       call make_block_matrix(.false., self%dim, self%n_own_corners, self%part, .true., self%coarse, error)
     if (allocated(error)) return
@@ -244,4 +250,177 @@ contains
     call MatDestroy(self%coarse, code)
     deallocate (self%load)
   end subroutine stiffness_destroy
+
+  !> Rigid motions as near-null-space vectors of the coarse matrix.
+  subroutine set_near_null_space(dim, parts, n_own_corners, coarse, error)
+    integer, intent(in) :: dim  !! Number of displacement components.
+    type(part_t), intent(in) :: parts(:)  !! Parts of this rank, numbered (n_parts).
+    integer, intent(in) :: n_own_corners  !! Own corners.
+    type(tMat), intent(in) :: coarse  !! The matrix; gets the vectors [force/length].
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where PETSc fails.
+    type(tMatNullSpace) :: space
+    type(tVec), allocatable :: vector(:)
+    real(dp), allocatable, target :: value(:, :)
+    real(dp), allocatable :: of_part(:, :)
+    real(dp) :: box(dim, 2), extent(2*dim), product
+    integer :: p, c, j, k, code, first
+    first = dim*first_of_rank(n_own_corners)
+    extent = -huge(extent)
+    do p = 1, size(parts)
+      if (size(parts(p)%mesh%x) == 0) cycle
+      associate (x => parts(p)%mesh%x)
+        extent = max(extent, [-minval(x, 2), maxval(x, 2)])
+      end associate
+    end do
+    call largest_of_ranks(extent)
+    box(:, 1) = -extent(:dim)
+    box(:, 2) = extent(dim + 1:)
+    allocate (value(dim*n_own_corners, merge(6, 3, dim == 3)), source=0.0_dp)
+    do p = 1, size(parts)
+      associate (part => parts(p))
+        call near_null_vectors(part%mesh%x, part%constraint, of_part, box)
+        do c = 1, part%space%n
+          if (.not. part%is_own(part%space%node(c))) cycle
+          j = dim*part%corner_row(c) - first
+          k = dim*(part%space%node(c) - 1)
+          value(j + 1:j + dim, :) = of_part(k + 1:k + dim, :)
+        end do
+      end associate
+    end do
+    allocate (vector(size(value, 2)))
+    do j = 1, size(vector)
+      call VecCreateMPIWithArray(PETSC_COMM_WORLD, dim, size(value, 1), PETSC_DETERMINE, value(:, j), vector(j), code)
+      do k = 1, j - 1
+        call VecDot(vector(j), vector(k), product, code)
+        call VecAXPY(vector(j), -product, vector(k), code)
+      end do
+      call VecNormalize(vector(j), product, code)
+    end do
+    ! It refers to the vectors: they need memory of their own.
+    do j = 1, size(vector)
+      call own_copy(vector(j))
+    end do
+    call MatNullSpaceCreate(PETSC_COMM_WORLD, PETSC_FALSE, size(vector), vector, space, code)
+    if (has_failed(code, 'near null space', error)) return
+    call MatSetNearNullSpace(coarse, space, code)
+    call MatNullSpaceDestroy(space, code)
+    do j = 1, size(vector)
+      call VecDestroy(vector(j), code)
+    end do
+  end subroutine set_near_null_space
+
+  !> A vector with memory of its own in place of one over an array.
+  subroutine own_copy(vector)
+    type(tVec), intent(inout) :: vector  !! The vector.
+    type(tVec) :: copy
+    real(dp), pointer :: from(:), to(:)
+    integer :: code
+    call VecDuplicate(vector, copy, code)
+    call VecGetArrayF90(vector, from, code)
+    call VecGetArrayF90(copy, to, code)
+    to = from
+    call VecRestoreArrayF90(copy, to, code)
+    call VecRestoreArrayF90(vector, from, code)
+    call VecDestroy(vector, code)
+    vector = copy
+  end subroutine own_copy
+
+  !> Number the nodes and corners of all parts.
+  subroutine number_rows(part, n_of_body, n_own, n_own_corners, error)
+    type(part_t), intent(inout) :: part(:)  !! Parts of this rank; get `row` and `corner_row` (n_parts).
+    integer, intent(in) :: n_of_body(:)  !! Number of nodes of each body (n_bodies).
+    integer, intent(out) :: n_own, n_own_corners  !! Own nodes, and own corners.
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where PETSc fails.
+    integer, allocatable :: order(:), id(:), first_id(:), own_id(:), wanted(:), row(:), corner_row(:)
+    real(dp), allocatable :: found(:)
+    integer :: p, i, k, n, first, first_corner
+    allocate (first_id, source=[0, (sum(n_of_body(:k)), k=1, size(n_of_body))])
+    n_own = sum([(count(part(p)%is_own), p=1, size(part))])
+    n_own_corners = sum([(count(part(p)%is_own(part(p)%space%node)), p=1, size(part))])
+    first = first_of_rank(n_own)
+    first_corner = first_of_rank(n_own_corners)
+    allocate (own_id(n_own), row(n_own), corner_row(n_own), wanted(0))
+    n = 0
+    k = 0
+    do p = 1, size(part)
+      associate (mesh => part(p)%mesh)
+        allocate (order(mesh%n_nodes()))
+        id = first_id(part(p)%body) + part(p)%whole_node - 1
+        call morton_order(mesh%dimension, mesh%x, reshape([(i, i=1, size(order))], [1, size(order)]), order)
+        do i = 1, size(order)
+          if (.not. part(p)%is_own(order(i))) cycle
+          n = n + 1
+          own_id(n) = id(order(i))
+          row(n) = first + n - 1
+          corner_row(n) = -1
+          if (part(p)%space%number(order(i)) == 0) cycle
+          corner_row(n) = first_corner + k
+          k = k + 1
+        end do
+        wanted = [wanted, id]
+        deallocate (order)
+      end associate
+    end do
+    call look_up(sum(n_of_body), own_id, row, wanted, found, error)
+    if (allocated(error)) return
+    n = 0
+    do p = 1, size(part)
+      part(p)%row = nint(found(n + 1:n + size(part(p)%whole_node)))
+      n = n + size(part(p)%whole_node)
+    end do
+    call look_up(sum(n_of_body), own_id, corner_row, wanted, found, error)
+    if (allocated(error)) return
+    n = 0
+    do p = 1, size(part)
+      part(p)%corner_row = nint(found(n + part(p)%space%node))
+      n = n + size(part(p)%whole_node)
+    end do
+  end subroutine number_rows
+
+  !> Values that other ranks know.
+  subroutine look_up(n, own, value, wanted, found, error)
+    integer, intent(in) :: n  !! Number of entries in all.
+    integer, intent(in) :: own(:)  !! Entries that this rank knows, from 0 (n_own).
+    integer, intent(in) :: value(:)  !! Their values (n_own).
+    integer, intent(in) :: wanted(:)  !! Entries that it wants to know, from 0 (n_wanted).
+    real(dp), allocatable, intent(out) :: found(:)  !! Their values (n_wanted).
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where PETSc fails.
+    type(tVec) :: all
+    integer :: code
+    call VecCreateMPI(PETSC_COMM_WORLD, PETSC_DECIDE, n, all, code)
+    call VecSetValues(all, size(own), own, real(value, dp), INSERT_VALUES, code)
+    call VecAssemblyBegin(all, code)
+    call VecAssemblyEnd(all, code)
+    if (has_failed(code, 'numbering', error)) return
+    call gather_entries(all, wanted, found, error)
+    call VecDestroy(all, code)
+  end subroutine look_up
+
+  !> Entries of a distributed vector, wherever they are.
+  subroutine gather_entries(all, wanted, found, error)
+    type(tVec), intent(in) :: all  !! The vector.
+    integer, intent(in) :: wanted(:)  !! Its entries that this rank wants, from 0 (n_wanted).
+    real(dp), allocatable, intent(out) :: found(:)  !! (n_wanted) [as `all`]
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where PETSc fails.
+    type(tVec) :: own
+    type(tIS) :: from, to
+    type(tVecScatter) :: exchange
+    real(dp), pointer :: x(:)
+    integer :: code
+    call VecCreateSeq(PETSC_COMM_SELF, size(wanted), own, code)
+    call ISCreateGeneral(PETSC_COMM_SELF, size(wanted), wanted, PETSC_COPY_VALUES, from, code)
+    call ISCreateStride(PETSC_COMM_SELF, size(wanted), 0, 1, to, code)
+    call VecScatterCreate(all, from, own, to, exchange, code)
+    if (has_failed(code, 'exchange of nodes', error)) return
+    call VecScatterBegin(exchange, all, own, INSERT_VALUES, SCATTER_FORWARD, code)
+    call VecScatterEnd(exchange, all, own, INSERT_VALUES, SCATTER_FORWARD, code)
+    if (has_failed(code, 'exchange of nodes', error)) return
+    call VecGetArrayReadF90(own, x, code)
+    found = x
+    call VecRestoreArrayReadF90(own, x, code)
+    call VecScatterDestroy(exchange, code)
+    call ISDestroy(from, code)
+    call ISDestroy(to, code)
+    call VecDestroy(own, code)
+  end subroutine gather_entries
 end module dotyk_distributed_stiffness

@@ -7,17 +7,18 @@
 !> of the error bound.
 module dotyk_distributed_system
   use petscksp, only: KSPComputeExtremeSingularValues, KSPGetPC, MatGetTrace, MatMult, PCApply, tPC, tVec, VecDestroy
+  use petscmat, only: MatNullSpaceCreate, MatNullSpaceDestroy, MatSetNullSpace, PETSC_COMM_WORLD, PETSC_FALSE, tMat, &
+    tMatNullSpace
+  use petscvec, only: tVec, VecDestroy, VecGetArrayF90, VecRestoreArrayF90
   use dotyk_base_error, only: error_t
   use dotyk_base_interrupt, only: interrupted
   use dotyk_base_kinds, only: dp
-  use dotyk_base_thresholds, only: golden
+  use dotyk_base_thresholds, only: golden, rough
   use dotyk_contact_operator, only: contact_operator_t
   use dotyk_distributed_contact_rows, only: without_rounding
-  use dotyk_distributed_linear_solver, only: drop_solver, run_solver, solver_t
-  use dotyk_distributed_null_space, only: set_null_space
   use dotyk_distributed_operator, only: system_operator_t
   use dotyk_distributed_petsc, only: has_failed, sum_of_ranks
-  use dotyk_distributed_preconditioner, only: make_coarse_matrix, make_solver
+  use dotyk_distributed_preconditioner, only: drop_solver, make_coarse_matrix, make_solver, run_solver, solver_t
   use dotyk_distributed_stiffness, only: distributed_stiffness_t
   use dotyk_ranks_exchange, only: meet
   use dotyk_scheme_active_set, only: iterate_t, rest_on_winkler_foundation
@@ -65,9 +66,7 @@ module dotyk_distributed_system
   !> prox as a fraction of the compliance of the rows in the smoother: with 1/1000 coarse levels, whose smoothers do not
   !> know the rows, take up to twice the iterations, with 1/20 proximal steps are more.
   real(dp), parameter :: proximal_fraction = 1.0e-2_dp
-  !> Accuracy of the solution without contact that the iteration begins with [], and iterations of it at most.
-  real(dp), parameter :: start_reduction = 1.0e-2_dp
-  integer, parameter :: most_of_start = 500
+  integer, parameter :: most_of_start = 500  !! Iterations at most of the solution that the iteration begins with.
   !> Reduction of the residual, and iterations, that measure Ritz values.
   real(dp), parameter :: reduction_of_sample = 1.0e-8_dp
   integer, parameter :: most_of_sample = 45
@@ -122,7 +121,7 @@ contains
     logical :: active(self%n_rows)
     r = self%load
     call self%remove_modes(r)
-    call self%solve_alone(r, start_reduction, most_of_start, u, outcome, error)
+    call self%solve_alone(r, rough, most_of_start, u, outcome, error)
     if (allocated(error)) u(:) = 0
     ! Without motions of floating bodies the rows that they close are far from the solution, and active sets many.
     if (qp%coarse%n > 0) then
@@ -426,4 +425,28 @@ contains
     call self%contact%destroy()
     call self%alone%destroy()
   end subroutine system_destroy
+
+  !> Make the rigid body modes the null space of an operator: solvers take them out of residuals and iterates.
+  subroutine set_null_space(stiffness, matrix, error)
+    type(distributed_stiffness_t), intent(in) :: stiffness  !! With the modes.
+    type(tMat), intent(in) :: matrix  !! The operator.
+    type(error_t), allocatable, intent(out) :: error  !! Allocated where PETSc fails.
+    type(tMatNullSpace) :: space
+    type(tVec) :: vector(size(stiffness%mode, 2))
+    real(dp), pointer :: x(:)
+    integer :: k, code
+    do k = 1, size(vector)
+      call stiffness%make_vector(vector(k))
+      call VecGetArrayF90(vector(k), x, code)
+      x = stiffness%mode(:, k)
+      call VecRestoreArrayF90(vector(k), x, code)
+    end do
+    call MatNullSpaceCreate(PETSC_COMM_WORLD, PETSC_FALSE, size(vector), vector, space, code)
+    call MatSetNullSpace(matrix, space, code)
+    call MatNullSpaceDestroy(space, code)
+    do k = 1, size(vector)
+      call VecDestroy(vector(k), code)
+    end do
+    if (has_failed(code, 'null space', error)) return
+  end subroutine set_null_space
 end module dotyk_distributed_system

@@ -103,8 +103,7 @@ contains
         sizes%is_confirmed .and. sizes%contact < resolved .and. code == exit_converged
       why = ''
       if (self%n_meshes >= asked%max_meshes) why = 'max_meshes = '//to_text(asked%max_meshes)
-      if (asked%max_seconds > 0 .and. seconds >= asked%max_seconds) &
-        why = 'max_seconds = '//to_text(asked%max_seconds)
+      if (asked%max_seconds > 0 .and. seconds >= asked%max_seconds) why = 'max_seconds = '//to_text(asked%max_seconds)
       if (spare*self%n_unknowns >= asked%max_unknowns) why = 'max_unknowns = '//to_text(asked%max_unknowns)
       if (self%n_meshes > 1 .and. sizes%n_elements == self%n_before .and. .not. reached) &
         why = 'the geometry, which fixes its mesh (Transfinite, Layers)'

@@ -6,6 +6,7 @@ module dotyk_driver_cad_faces
   use dotyk_base_kinds, only: dp
   use dotyk_base_log, only: log_t
   use dotyk_base_text, only: counted, quoted, text_t, to_text
+  use dotyk_base_thresholds, only: same_number
   use dotyk_input_case, only: case_t
   use dotyk_linalg_blas, only: dgesv, dsyev
   use dotyk_mesh_body_mesh, only: body_mesh_t, extract_body
@@ -31,7 +32,6 @@ module dotyk_driver_cad_faces
   real(dp), parameter :: rounding = 1.0e-4_dp
 
   real(dp), parameter :: plane = 0.999_dp  !! Resultant over area of the normals of a face that counts as plane.
-  real(dp), parameter :: negligible = 1.0e-9_dp  !! Components below this are 0, relative to the others [].
 
   type :: face_drawing_t  !! Facets so far, each with points of its own.
     integer :: n_points = 0, n_facets = 0  !! Number of points and facets.
@@ -200,8 +200,8 @@ contains
     end do
     centre = centre/max(tiny(area), area)
     normal = normal/max(tiny(area), area)
-    where (abs(centre) < negligible*max(maxval(abs(centre)), sqrt(area))) centre = 0
-    where (abs(normal) < negligible) normal = 0
+    where (abs(centre) < same_number*max(maxval(abs(centre)), sqrt(area))) centre = 0
+    where (abs(normal) < same_number) normal = 0
   end subroutine measure
 
   !> A vector as text.

@@ -6,12 +6,12 @@ module dotyk_driver_factorization
   use dotyk_base_memory, only: memory_now, set_stage
   use dotyk_control_body_operators, only: make_operators
   use dotyk_control_factorization, only: check_memory, factorize_bodies
+  use dotyk_control_parallel, only: set_blas_threads, share_solves
   use dotyk_control_response_choice, only: form_multigrid
   use dotyk_control_seams, only: find_seams
   use dotyk_control_slow_multigrid, only: find_slow_ones, replace_slow_ones
-  use dotyk_control_parallel, only: set_blas_threads, share_solves
+  use dotyk_driver_engines, only: may_return_to_factors, return_to_factors, tied_rows
   use dotyk_driver_load_case, only: solve_free
-  use dotyk_driver_return_to_factors, only: may_return_to_factors, return_to_factors, tied_rows
   use dotyk_driver_scene, only: scene_t
   use dotyk_input_case, only: case_t
   use dotyk_linalg_sparse, only: sparse_rows_t
@@ -20,8 +20,8 @@ module dotyk_driver_factorization
   use dotyk_model_pairs, only: foundation_compliance
   use dotyk_response_response, only: response_slot_t
   use dotyk_scheme_body_compliance, only: body_operator_t
-  use dotyk_scheme_congruent_products, only: sweep_costs
   use dotyk_scheme_coarse_space, only: coarse_space_t
+  use dotyk_scheme_congruent_products, only: sweep_costs
   use dotyk_scheme_scheme, only: scheme_t
   implicit none
   private

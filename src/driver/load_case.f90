@@ -6,12 +6,11 @@ module dotyk_driver_load_case
   use dotyk_base_kinds, only: dp
   use dotyk_base_memory, only: set_stage
   use dotyk_base_text, only: quoted
-  use dotyk_control_body_operators, only: find_modes
+  use dotyk_control_body_operators, only: find_deviations, find_modes
   use dotyk_control_contact_free, only: contact_free_t, solve_without_contact
   use dotyk_control_contact_problem, only: contact_problem_t, isolated_body_t
   use dotyk_control_contact_solution, only: contact_solution_t
   use dotyk_control_scheme_run, only: scheme_run_t
-  use dotyk_control_slave_normals, only: find_deviations
   use dotyk_driver_engines, only: engine_none
   use dotyk_driver_scene, only: scene_t
   use dotyk_elasticity_load_cases, only: take_case

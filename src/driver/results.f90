@@ -9,11 +9,10 @@ module dotyk_driver_results
   use dotyk_base_text, only: counted, quoted, to_text
   use dotyk_control_balance, only: balance_t, find_balance
   use dotyk_control_body_solution, only: body_solution_t
-  use dotyk_control_contact_fields, only: contact_fields_t
   use dotyk_control_contact_problem, only: contact_problem_t
   use dotyk_control_contact_solution, only: contact_solution_t
   use dotyk_control_nodal_stresses, only: nodal_stress_t, recover_nodal_stresses
-  use dotyk_control_pressures, only: nodal_field_t, pair_solution_t, project_pressures
+  use dotyk_control_pressures, only: contact_fields_t, nodal_field_t, pair_solution_t, project_pressures
   use dotyk_driver_results_fields, only: write_fields
   use dotyk_driver_results_groups, only: write_forces, write_pairs, write_provenance, write_quantities, write_summary, &
     write_timing
@@ -30,8 +29,7 @@ module dotyk_driver_results
   public :: finish_results, write_results, write_on_the_way
 
   !> Cause and remedy.
-  character(*), parameter :: reason = &
-    ' not finite: overflow, input values of incompatible magnitude; check their units'
+  character(*), parameter :: reason = ' not finite: overflow, input values of incompatible magnitude; check their units'
 
 contains
 

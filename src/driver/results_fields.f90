@@ -9,11 +9,10 @@ module dotyk_driver_results_fields
   use dotyk_control_balance, only: balance_t
   use dotyk_control_body_ranks, only: body_ranks_t
   use dotyk_control_body_solution, only: body_solution_t, element_field_t
-  use dotyk_control_contact_fields, only: contact_fields_t, status_none
   use dotyk_control_error_budget, only: error_budget_t
   use dotyk_control_nodal_stresses, only: nodal_stress_t
   use dotyk_control_penetration_check, only: penetration_check_t
-  use dotyk_control_pressures, only: nodal_field_t
+  use dotyk_control_pressures, only: contact_fields_t, nodal_field_t, status_none
   use dotyk_elasticity_body, only: body_t
   use dotyk_elasticity_nodal_stress, only: principal_stresses, von_mises
   use dotyk_input_case, only: case_t

@@ -6,14 +6,13 @@ module dotyk_driver_results_groups
   use dotyk_base_options, only: option_name, scheme_names
   use dotyk_base_version, only: build_type, compiler, version
   use dotyk_contact_pair, only: contact_pair_t
-  use dotyk_control_balance, only: balance_t
+  use dotyk_control_balance, only: balance_t, tie_force_t
   use dotyk_control_contact_problem, only: contact_problem_t, tied_surfaces_t
   use dotyk_control_contact_solution, only: contact_solution_t, energies_t
   use dotyk_control_factorization, only: factor_size_t
   use dotyk_control_pressures, only: pair_solution_t
   use dotyk_control_quantity_error, only: quantity_errors_t
   use dotyk_control_response_choice, only: form_multigrid, form_split
-  use dotyk_control_tie_forces, only: tie_force_t
   use dotyk_driver_arguments, only: command_line_text
   use dotyk_elasticity_body, only: body_t
   use dotyk_elasticity_load_report, only: load_resultant_t

@@ -10,14 +10,12 @@ module dotyk_driver_run_case
   use dotyk_control_scheme_run, only: scheme_run_t
   use dotyk_driver_accuracy, only: accuracy_t
   use dotyk_driver_arguments, only: arguments_t
-  use dotyk_driver_body_building, only: make_parts
   use dotyk_driver_cad_faces, only: show_cad_faces
-  use dotyk_driver_case_check, only: check_cases, predict_run
-  use dotyk_driver_load_cases, only: solve_cases
+  use dotyk_driver_load_cases, only: check_cases, predict_run, solve_cases
   use dotyk_driver_mesh_sizes, only: choose_sizes
   use dotyk_driver_penetration, only: check_placement
   use dotyk_driver_run_settings, only: choose_scheme, set_pair_conditions
-  use dotyk_driver_scene_building, only: build_scene, scene_t
+  use dotyk_driver_scene_building, only: build_scene, make_parts, scene_t
   use dotyk_input_case, only: case_t
   use dotyk_input_parse, only: read_case
   use dotyk_log_run_monitor, only: log_monitor_t
@@ -208,8 +206,7 @@ contains
       call monitor%log%line('  input checked; nothing was solved')
       return
     end if
-    call solve_cases(arguments%restart, case, run, scene, may_add, threads, monitor, met, accuracy, reason, &
-                     code, error)
+    call solve_cases(arguments%restart, case, run, scene, may_add, threads, monitor, met, accuracy, reason, code, error)
     call scene%compliance%destroy()
     call scene%split%destroy()
   end subroutine run_scene

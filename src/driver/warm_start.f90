@@ -10,6 +10,7 @@ module dotyk_driver_warm_start
   use dotyk_base_kinds, only: dp, int64
   use dotyk_base_log, only: log_t
   use dotyk_base_text, only: counted, quoted, to_text
+  use dotyk_base_thresholds, only: same_place
   use dotyk_contact_pair, only: contact_pair_t
   use dotyk_control_contact_problem, only: contact_problem_t
   use dotyk_elasticity_body, only: body_t
@@ -23,7 +24,6 @@ module dotyk_driver_warm_start
   private
   public :: initial_pressures, start_from_pressures
 
-  real(dp), parameter :: same_position = 1.0e-6_dp  !! Distance of rows that is none, by the size of the scene.
   !> Larger pressures are those of a diverged run: numbers of the input are below 1e40.
   real(dp), parameter :: largest_pressure = 1.0e60_dp
 
@@ -132,7 +132,7 @@ contains
     end if
     n = 0
     do k = 1, size(pair)
-      call read_pair(source, root, same_position*length, pair(k), pressure(n + 1:n + pair(k)%n_rows), what, error)
+      call read_pair(source, root, same_place*length, pair(k), pressure(n + 1:n + pair(k)%n_rows), what, error)
       if (len(what) > 0) &
         call set_error(error, quoted(source%label)//' has other contact rows: '//what// &
                        '; a warm start needs the same meshes and contact settings')

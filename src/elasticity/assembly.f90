@@ -150,8 +150,7 @@ contains
       if (allocated(order)) deallocate (order)
       allocate (order(size(mesh%block(b)%node, 2)))
       call morton_order(dim, mesh%x, mesh%block(b)%node, order)
-      call partition%init(mesh%n_nodes(), mesh%block(b)%node, order, &
-                          merge(1, omp_get_max_threads(), omp_in_parallel()))
+      call partition%init(mesh%n_nodes(), mesh%block(b)%node, order, merge(1, omp_get_max_threads(), omp_in_parallel()))
       if (present(coarse)) corner_owner = partition%owner(space%node)
       first_failure = huge(first_failure)
       !$omp parallel do default(none) schedule(static, 1) private(failed, position) &

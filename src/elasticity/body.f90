@@ -14,15 +14,17 @@ module dotyk_elasticity_body
   use dotyk_elasticity_material, only: material_t
   use dotyk_elasticity_node_graph, only: node_graph
   use dotyk_elasticity_point_forces, only: point_forces_t
+  use dotyk_elasticity_shortest_extent, only: shortest_extent
   use dotyk_elasticity_sparsity_pattern, only: block_positions_t, build_pattern
   use dotyk_elasticity_stress_energy, only: stresses_and_energy
   use dotyk_elasticity_support_directions, only: support_directions_t
   use dotyk_linalg_sparse, only: sparse_symmetric_t
-  use dotyk_mesh_body_mesh, only: body_mesh_t
+  use dotyk_mesh_body_mesh, only: body_mesh_t, whole_body_t
+  use dotyk_mesh_held_part, only: describe_whole, hold_part, surface_part
   use dotyk_ranks_exchange, only: add_counts
   implicit none
   private
-  public :: node_graph, strain_energy, assemble_stiffness
+  public :: node_graph, strain_energy, assemble_stiffness, hold_body, hold_surface
 
   !> A body. Its user sets the components from `name` to `load`; `assemble` sets the others. Its stiffness and its
   !> modes (`dotyk_elasticity_body_modes`) are values of their own.
@@ -411,4 +413,42 @@ contains
       call resultant(i)%carry(parcel)
     end do
   end subroutine carry_resultants
+
+  !> Reduce a body that other ranks compute to its surface.
+  subroutine hold_surface(body, number)
+    type(body_t), intent(inout) :: body  !! The body, with supports and loads, not assembled.
+    !> Number of each node of the whole body in the held part, 0 where it is not held (n_nodes).
+    integer, allocatable, intent(out) :: number(:)
+    logical, allocatable :: holds(:), nothing(:)
+    integer, allocatable :: node(:)
+    call surface_part(body%mesh, holds, node)
+    allocate (nothing(body%mesh%n_nodes()), source=.false.)
+    call hold_body(body, holds, spread(.false., 1, size(holds)), nothing, number)
+  end subroutine hold_surface
+
+  !> Reduce a body to some of its elements, and its surface.
+  subroutine hold_body(body, holds, own_element, own_node, number)
+    type(body_t), intent(inout) :: body  !! The body, with supports and loads, not assembled.
+    logical, intent(in) :: holds(:), own_element(:)  !! Whether each element is held, and of this rank (n_elements).
+    logical, intent(in) :: own_node(:)  !! Whether this rank computes each node (n_nodes).
+    integer, allocatable, intent(out) :: number(:)  !! As in `hold_surface`.
+    type(whole_body_t) :: whole
+    integer, allocatable :: of_element(:)
+    integer :: e, n
+    call describe_whole(body%mesh, shortest_extent(body%mesh), whole)
+    call hold_part(body%mesh, whole, holds, own_element, own_node, number)
+    call body%hold_nodes(body%mesh%whole%node)
+    allocate (of_element(size(holds)), source=0)
+    n = 0
+    do e = 1, size(holds)
+      if (.not. holds(e)) cycle
+      n = n + 1
+      of_element(e) = n
+    end do
+    call body%applied%hold(of_element)
+    if (.not. allocated(body%of_case)) return
+    do n = 1, size(body%of_case)
+      call body%of_case(n)%applied%hold(of_element)
+    end do
+  end subroutine hold_body
 end module dotyk_elasticity_body

@@ -6,6 +6,7 @@
 module dotyk_elasticity_body_modes
   use dotyk_base_kinds, only: dp
   use dotyk_base_parcel, only: parcel_t
+  use dotyk_base_thresholds, only: given_rounding
   use dotyk_elasticity_body, only: body_t
   use dotyk_elasticity_part_sums, only: add_up_parts, own_product
   use dotyk_elasticity_rigid_body_modes, only: rigid_body_modes_t
@@ -40,10 +41,6 @@ module dotyk_elasticity_body_modes
     procedure :: combination_text => modes_combination_text
     procedure :: span_text => modes_span_text
   end type body_modes_t
-
-  !> Resultants below this fraction of the sum of their absolute terms are rounding errors: 450 epsilon, the rounding
-  !> of a sum of 2e5 terms of mixed signs.
-  real(dp), parameter :: rounding = 1.0e-13_dp
 
 contains
 
@@ -217,6 +214,6 @@ contains
     if (n > 0) call add_up_parts(mesh, total)
     resultant = total(:n)
     resultant_size = total(n + 1:)
-    where (abs(resultant) <= rounding*resultant_size) resultant = 0
+    where (abs(resultant) <= given_rounding*resultant_size) resultant = 0
   end subroutine find_resultants
 end module dotyk_elasticity_body_modes

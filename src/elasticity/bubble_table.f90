@@ -6,6 +6,7 @@
 !> (`dotyk_mesh_shape_functions`).
 module dotyk_elasticity_bubble_table
   use dotyk_base_kinds, only: dp
+  use dotyk_base_thresholds, only: shape_rounding
   use dotyk_elasticity_isoparametric_map, only: point_shape_table_t
   use dotyk_elasticity_shape_table, only: shape_table_t
   use dotyk_mesh_element, only: element_kind, element_kind_t, element_prism6, element_pyramid5, element_tet4, &
@@ -49,9 +50,6 @@ module dotyk_elasticity_bubble_table
 
   public :: points_table
 
-  !> Bubbles below this size at all points belong to the element's own space; points closer to each other are the same.
-  real(dp), parameter :: rounding = 1.0e-10_dp
-
 contains
 
   !> Choose the monomials, and evaluate the bubbles.
@@ -81,7 +79,7 @@ contains
     do q = 1, self%n_points
       self%value(:, q) = self%values(xi(:, q))
     end do
-    kept = maxval(abs(self%value), dim=2) > rounding
+    kept = maxval(abs(self%value), dim=2) > shape_rounding
     self%exponent = self%exponent(:, pack([(i, i=1, self%n)], kept))
     self%at_node = self%at_node(pack([(i, i=1, self%n)], kept), :)
     self%value = self%value(pack([(i, i=1, self%n)], kept), :)
@@ -159,7 +157,7 @@ contains
             same(modulo(i - 1 + step*(c - 1), m) + 1) = at(c, q)
           end do
           do c = 1, face%n_points
-            if (all(abs(at(:, c) - same) <= rounding)) face%match(q, i, k) = c
+            if (all(abs(at(:, c) - same) <= shape_rounding)) face%match(q, i, k) = c
           end do
         end do
       end do

@@ -8,6 +8,7 @@ module dotyk_elasticity_congruence
   use dotyk_base_kinds, only: dp
   use dotyk_base_options, only: analysis_axisymmetric
   use dotyk_base_parcel, only: parcel_t
+  use dotyk_base_thresholds, only: given_rounding, rounding, same_number, shape_rounding
   use dotyk_elasticity_body, only: body_t
   use dotyk_elasticity_constraint, only: constraint_t, held
   use dotyk_elasticity_material, only: material_t
@@ -36,17 +37,8 @@ module dotyk_elasticity_congruence
     procedure :: carry => congruence_invariants_carry
   end type congruence_invariants_t
 
-  !> Positions that differ by less than this fraction of the size of the body are equal: rounding of a rotation, times a
-  !> margin for coordinates that were written with 13 digits.
-  real(dp), parameter :: position_tolerance = 1.0e-12_dp
   !> Positions that differ by less than this fraction of the largest coordinate are equal: rounding of the coordinates.
   real(dp), parameter :: coordinate_rounding = 16*epsilon(1.0_dp)
-  !> Relative tolerance for the spread of the nodes: a sum over all nodes, compared before anything else.
-  real(dp), parameter :: spread_tolerance = 1.0e-9_dp
-  !> Largest cosine between a held and a free direction that count as perpendicular: normals follow rotated coordinates.
-  real(dp), parameter :: direction_tolerance = 1.0e-10_dp
-  !> Relative tolerance for stiffnesses of materials: rounding of a rotation of the tensor.
-  real(dp), parameter :: stiffness_tolerance = 1.0e-13_dp
   !> Relative tolerance for the ratio of bulk to shear modulus, a quotient of eigenvalues of the stiffness.
   real(dp), parameter :: bulk_ratio_tolerance = 1.0e-6_dp
   !> Prescribed displacements below this fraction of their vector are rounding errors of the change of axes.
@@ -105,7 +97,7 @@ contains
               self%analysis == other%analysis .and. self%n_nodes == other%n_nodes .and. &
               self%n_elements == other%n_elements .and. self%n_blocks == other%n_blocks .and. &
               self%n_equations == other%n_equations .and. &
-              abs(self%spread - other%spread) <= spread_tolerance*self%spread
+              abs(self%spread - other%spread) <= same_number*self%spread
   end function congruence_invariants_match
 
   !> Whether two bodies are congruent, and the rigid motion between them.
@@ -124,7 +116,7 @@ contains
       call motion%init([0.0_dp, 0.0_dp, 1.0_dp], 0.0_dp, other_invariants%centre - first_invariants%centre)
       congruent = is_moved(d, size(a, 2), a, b, radius, motion)
       if (first%analysis == analysis_axisymmetric) then
-        congruent = congruent .and. abs(motion%shift(1)) <= position_tolerance*radius
+        congruent = congruent .and. abs(motion%shift(1)) <= rounding*radius
       else if (.not. congruent) then
         call find_rotation(d, size(a, 2), a, b, first_invariants%centre(:d), other_invariants%centre(:d), motion)
         congruent = is_moved(d, size(a, 2), a, b, radius, motion)
@@ -149,7 +141,7 @@ contains
     type(placement_t), intent(in) :: motion  !! The rigid motion.
     real(dp) :: x(d), tolerance
     integer :: i, k
-    tolerance = position_tolerance*radius + coordinate_rounding*max(maxval(abs(from)), maxval(abs(to)))
+    tolerance = rounding*radius + coordinate_rounding*max(maxval(abs(from)), maxval(abs(to)))
     is_moved = .false.
     do i = 1, n
       x = from(:, i)
@@ -232,7 +224,7 @@ contains
     same = (first%isotropic .eqv. other%isotropic) .and. &
            abs(first%incompressibility - other%incompressibility) <= &
            bulk_ratio_tolerance*first%incompressibility .and. &
-           all(abs(moved - other%stiffness) <= stiffness_tolerance*maxval(abs(moved)))
+           all(abs(moved - other%stiffness) <= given_rounding*maxval(abs(moved)))
   end function same_material
 
   !> Whether two bodies have the same elements in the same order.
@@ -272,7 +264,7 @@ contains
       do k = 1, d
         if (first%equation(k, i) == held) cycle
         do j = 1, d
-          if (other%equation(j, i) == held .and. abs(dot_product(a(:, k), b(:, j))) > direction_tolerance) return
+          if (other%equation(j, i) == held .and. abs(dot_product(a(:, k), b(:, j))) > shape_rounding) return
         end do
       end do
     end do

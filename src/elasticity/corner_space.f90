@@ -9,6 +9,7 @@ module dotyk_elasticity_corner_space
   use dotyk_elasticity_constraint, only: constraint_t, held
   use dotyk_mesh_body_mesh, only: body_mesh_t
   use dotyk_mesh_element, only: element_kind, element_kind_t, reference_nodes, shape_functions
+  use dotyk_mesh_order_elevation, only: shape_tolerance
   implicit none
   private
 
@@ -31,10 +32,6 @@ module dotyk_elasticity_corner_space
   end type corner_space_t
 
   public :: corner_weights, corners_of_node, number_corners
-
-  !> Smallest value of a linear shape function, at a node, of the corners of the edge, face or element of the node; the
-  !> others are zero there.
-  real(dp), parameter :: smallest_share = 0.01_dp
 
 contains
 
@@ -149,7 +146,7 @@ contains
     integer :: c
     call reference_nodes(id, xi)
     call shape_functions(kind%corner_kind, xi(:, a), shape)
-    corner = pack([(c, c=1, kind%n_corners)], shape > smallest_share)
+    corner = pack([(c, c=1, kind%n_corners)], shape > shape_tolerance)
   end function corners_of_node
 
   !> A few numbers in ascending order.

@@ -42,8 +42,7 @@ contains
       room = room + n*kind%n_faces
     end do
     n = self%before(size(self%before))
-    allocate (self%neighbour(max_faces, n), self%boundary(max_faces, n), self%interior(max_faces, n), &
-              source=0)
+    allocate (self%neighbour(max_faces, n), self%boundary(max_faces, n), self%interior(max_faces, n), source=0)
     allocate (self%block(n), owner(2, room))
     call table%init(4, room)
     do b = 1, size(mesh%block)

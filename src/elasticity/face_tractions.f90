@@ -281,8 +281,7 @@ contains
               traction(q, i, k) = traction(q, i, k) + area(s)*mean(material%form%index(i, s))
           end do
         end do
-        if (present(held)) &
-          traction(q, :, k) = matmul(turned(dim, held(:, :, k), area/norm2(area)), traction(q, :, k))
+        if (present(held)) traction(q, :, k) = matmul(turned(dim, held(:, :, k), area/norm2(area)), traction(q, :, k))
       end do
     end do
   end subroutine mean_tractions

@@ -10,6 +10,7 @@ module dotyk_elasticity_foundation
   use dotyk_base_options, only: analysis_axisymmetric
   use dotyk_base_parcel, only: parcel_t
   use dotyk_base_text, only: text_t
+  use dotyk_base_thresholds, only: given_rounding
   use dotyk_elasticity_analysis, only: two_pi
   use dotyk_elasticity_shape_table, only: load_degree
   use dotyk_mesh_element, only: element_kind, element_kind_t, element_point, max_facet_nodes, quadrature_rule, &
@@ -45,9 +46,6 @@ module dotyk_elasticity_foundation
     procedure :: is_moved => foundation_is_moved
     procedure :: carry => foundation_carry
   end type foundation_t
-
-  !> Relative tolerance for equal foundation moduli: rounding of areas that a rotation changes [].
-  real(dp), parameter :: modulus_tolerance = 1.0e-13_dp
 
   type, public :: foundation_points_t  !! The springs of one facet at its quadrature points.
     integer :: kind = -1  !! Element kind of the facet; -1 before the first one.
@@ -220,8 +218,7 @@ contains
         do i = 1, points%n_directions
           along(i) = dot_product(force(:dim), points%direction(:, i, q))
         end do
-        if (points%area(q) > 0) &
-          energy = energy + sum(along(:points%n_directions)**2)/(2*self%modulus(s)*points%area(q))
+        if (points%area(q) > 0) energy = energy + sum(along(:points%n_directions)**2)/(2*self%modulus(s)*points%area(q))
       end do
     end do
   end subroutine foundation_add_up_reactions
@@ -272,7 +269,7 @@ contains
     same = self%n == other%n .and. self%n_springs() == other%n_springs()
     if (.not. same .or. self%n == 0) return
     same = all(self%of == other%of) .and. all(self%kind == other%kind) .and. all(self%node == other%node) .and. &
-           all(abs(self%modulus - other%modulus) <= modulus_tolerance*self%modulus)
+           all(abs(self%modulus - other%modulus) <= given_rounding*self%modulus)
     do s = 1, self%n_springs()
       associate (a => self%fix(s), b => other%fix(s))
         same = same .and. (a%local .eqv. b%local) .and. all(a%fixed .eqv. b%fixed)

@@ -26,6 +26,7 @@ module dotyk_elasticity_load
   use dotyk_base_options, only: analysis_axisymmetric, load_acceleration, load_angular_velocity, load_force_density, &
     load_local_traction, load_pressure, load_total, load_traction
   use dotyk_base_text, only: quoted, text_t
+  use dotyk_base_thresholds, only: given_rounding, shape_rounding
   use dotyk_elasticity_analysis, only: gradient_slots, two_pi
   use dotyk_elasticity_body, only: body_t
   use dotyk_elasticity_element_quadrature, only: inverted_element_error
@@ -65,13 +66,6 @@ module dotyk_elasticity_load
     real(dp), allocatable :: weight(:)  !! Reference weights (n_points) [].
     real(dp), allocatable :: shape(:, :)  !! Shape functions (n_nodes, n_points) [].
   end type facet_rule_t
-
-  !> A surface whose second moments about some axis are below this fraction of the largest one is a line: it takes no
-  !> moment about itself [].
-  real(dp), parameter :: least_breadth = 1.0e-10_dp
-
-  !> Resultants below this fraction of the magnitudes are rounding errors, which are left as they are.
-  real(dp), parameter :: rounding = 1.0e-13_dp
 
 contains
 
@@ -344,9 +338,9 @@ contains
       call right_singular_vectors(second, values, axes, error)
       if (allocated(error)) return
       inverse = 0
-      where (values > least_breadth*values(1)) inverse = 1/values
+      where (values > shape_rounding*values(1)) inverse = 1/values
       spin = matmul(about_centre, axes)
-      if (any(inverse <= 0 .and. abs(spin) > least_breadth*norm2(about_centre))) then
+      if (any(inverse <= 0 .and. abs(spin) > shape_rounding*norm2(about_centre))) then
         call set_error(error, 'moment: what lies on a line takes no moment about it, and a node takes none', &
                        exit_bad_input)
         return
@@ -432,8 +426,8 @@ contains
           gram = gram + size_of*matmul(transpose(shape(:, i, :)), shape(:, i, :))
         end associate
       end do
-      if (all(abs(resultant) <= rounding*magnitude) .or. any(abs(resultant) > tolerance*magnitude)) return
-      call factorize_gram(n, gram, rounding, factor, pivot, rank)
+      if (all(abs(resultant) <= given_rounding*magnitude) .or. any(abs(resultant) > tolerance*magnitude)) return
+      call factorize_gram(n, gram, given_rounding, factor, pivot, rank)
       if (rank < n) return
       amplitude(1, :) = resultant
       call solve_gram(n, 1, factor, pivot, amplitude)

@@ -28,7 +28,6 @@ module dotyk_elasticity_load_report
     procedure :: carry => load_resultant_carry
   end type load_resultant_t
 
-  real(dp), parameter, public :: notable_difference = 0.01_dp  !! Differences of two rules that are worth a warning.
   integer, parameter :: more_degrees = 5  !! The second rule is exact to as many degrees more.
   integer, parameter :: most_elements = 20000  !! Elements looked at, at most: evaluating formulas takes time.
 

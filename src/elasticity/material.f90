@@ -11,8 +11,9 @@ module dotyk_elasticity_material
     material_isotropic, material_orthotropic, option_name
   use dotyk_base_parcel, only: parcel_t
   use dotyk_base_text, only: quoted, text_t, to_text
+  use dotyk_base_thresholds, only: given_rounding, same_number
   use dotyk_elasticity_stiffness_tensor, only: invert_stiffness, kelvin, material_axes, rotate_stiffness, &
-    scale_components, singular_ratio
+    scale_components
   use dotyk_linalg_dense, only: symmetric_eigen
   use dotyk_mesh_body_mesh, only: body_mesh_t
   implicit none
@@ -198,7 +199,7 @@ contains
     end if
     call symmetric_eigen(scale_components(self%stiffness, kelvin), values, vectors, error)
     if (allocated(error)) return
-    if (.not. minval(values) > singular_ratio*maxval(abs(values))) then
+    if (.not. minval(values) > given_rounding*maxval(abs(values))) then
       call refuse(name, minval(values), error)
       return
     end if
@@ -255,8 +256,6 @@ contains
     integer, intent(in) :: analysis  !! Type of analysis: one of the `analysis_*` constants.
     !> Allocated where the assumption does not hold; names the material and the largest of the components.
     type(error_t), allocatable, intent(out) :: error
-    !> Components below this fraction of the largest one are the rounding of a rotation.
-    real(dp), parameter :: negligible = 1.0e-9_dp
     integer, parameter :: in_plane(4) = [1, 2, 6, 3]  !! Strains in the plane; the last one in axisymmetry alone.
     character(2), parameter :: name(6) = ['xx', 'yy', 'zz', 'yz', 'xz', 'xy']
     integer :: n, place(2)
@@ -264,7 +263,7 @@ contains
     n = merge(4, 3, analysis == analysis_axisymmetric)
     place = maxloc(abs(self%stiffness(4:5, in_plane(:n))))
     associate (coupling => self%stiffness(3 + place(1), in_plane(place(2))), largest => maxval(abs(self%stiffness)))
-      if (.not. abs(coupling) > negligible*largest) return
+      if (.not. abs(coupling) > same_number*largest) return
       call set_error(error, 'material '//quoted(self%name)//': strains in the plane make shear stresses out of it '// &
                      '(stiffness '//name(3 + place(1))//' '//name(in_plane(place(2)))//' = '//to_text(coupling, 3)// &
                      '), but analysis='''//option_name(analysis_names, analysis)//''' assumes that nothing moves '// &

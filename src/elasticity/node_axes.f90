@@ -5,6 +5,7 @@
 !> independent ones, which become axes of the node (rotated unknowns), and checks the others for contradictions.
 module dotyk_elasticity_node_axes
   use dotyk_base_kinds, only: dp
+  use dotyk_base_thresholds, only: rounding, same_number
   use dotyk_mesh_facet, only: frame_of_normal
   implicit none
   private
@@ -24,12 +25,7 @@ module dotyk_elasticity_node_axes
 
   !> Smallest sine between a direction and the span of others for which it is independent of them. Coordinates of mesh
   !> files with few digits stay below it; edges of real bodies stay above.
-  real(dp), parameter :: least_sine = 1.0e-3_dp
-  !> Components of a unit vector below this are rounding errors: faces normal to a global axis need no local axes.
-  real(dp), parameter :: round_off = 1.0e-12_dp
-  !> Directions whose lengths differ by less than this fraction are equal pivots, of which the first one is taken, so
-  !> that the choice does not depend on rounding.
-  real(dp), parameter :: equal_pivot = 1.0e-9_dp
+  real(dp), parameter, public :: least_sine = 1.0e-3_dp
 
   type, public :: nodal_vector_list_t  !! The list.
     integer :: n = 0  !! Number of entries; the arrays may be longer.
@@ -68,7 +64,7 @@ contains
       do i = 1, n
         if (used(i)) cycle
         length = norm2(remainder(:, i))
-        if (length > greatest*(1 + equal_pivot)) then
+        if (length > greatest*(1 + same_number)) then
           greatest = length
           best = i
         end if
@@ -128,7 +124,7 @@ contains
     end if
     if (axes%rank == 1) then
       i = maxloc(abs(q(:, 1)), 1)
-      if (all(abs(without(q(:, 1), i)) < round_off)) then
+      if (all(abs(without(q(:, 1), i)) < rounding)) then
         axes%is_given(i) = .true.
         return
       end if
@@ -138,7 +134,7 @@ contains
       q(:, 3) = [q(2, 1)*q(3, 2) - q(3, 1)*q(2, 2), q(3, 1)*q(1, 2) - q(1, 1)*q(3, 2), &
                  q(1, 1)*q(2, 2) - q(2, 1)*q(1, 2)]
       free = maxloc(abs(q(:, 3)), 1)
-      if (all(abs(without(q(:, 3), free)) < round_off)) then
+      if (all(abs(without(q(:, 3), free)) < rounding)) then
         axes%is_given = .true.
         axes%is_given(free) = .false.
         return

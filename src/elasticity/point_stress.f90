@@ -29,7 +29,7 @@ module dotyk_elasticity_point_stress
   end type point_material_t
 
   !> Points on faces are moved towards the centre of the element by this fraction to find the modulus of the element.
-  real(dp), parameter :: inward = 1.0e-6_dp
+  real(dp), parameter, public :: inward = 1.0e-6_dp
 
   public :: stresses_at
 

@@ -30,6 +30,7 @@
 !> u_r/r is part of the dilatation.
 module dotyk_elasticity_projected_dilatation
   use dotyk_base_kinds, only: dp
+  use dotyk_base_thresholds, only: no_offset
   use dotyk_mesh_element, only: element_hex27, element_kind, element_kind_t, element_quad9
   implicit none
   private
@@ -44,10 +45,6 @@ module dotyk_elasticity_projected_dilatation
   real(dp), parameter :: locking_free_ratio_of_mean = 29.0_dp/3
 
   real(dp), parameter :: most_variation = 4.0_dp  !! Greatest ratio of projected bulk moduli in an element [].
-
-  !> A function that keeps less than this fraction of its norm when the functions before it are projected out depends on
-  !> them linearly: the square root of the rounding of its squared norm.
-  real(dp), parameter :: dependent = 1.0e-8_dp
 
 contains
 
@@ -148,7 +145,7 @@ contains
         end do
       end do
       length = sqrt(sum(w*value(:, j)**2))
-      if (length > dependent*before) then
+      if (length > no_offset*before) then
         value(:, j) = value(:, j)/length
       else
         value(:, j) = 0

@@ -15,6 +15,7 @@ module dotyk_elasticity_rigid_body_modes
   use dotyk_base_options, only: analysis_3d
   use dotyk_base_parcel, only: parcel_t
   use dotyk_base_text, only: text_t
+  use dotyk_base_thresholds, only: same_number
   use dotyk_elasticity_constraint, only: constraint_t, held
   use dotyk_elasticity_part_sums, only: add_up_parts, own_product
   use dotyk_elasticity_rigid_motion, only: component_text, describe_rigid_motions, first_node, rigid_displacement, &
@@ -46,10 +47,6 @@ module dotyk_elasticity_rigid_body_modes
     procedure :: span_text => rigid_body_modes_span_text
     procedure :: carry => rigid_body_modes_carry
   end type rigid_body_modes_t
-
-  !> Modes whose amplitude is below this fraction of the largest one are rounding errors, and not described.
-  real(dp), parameter :: least_fraction = 1.0e-9_dp
-  real(dp), parameter :: not_free = 1.0e-9_dp  !! Motions that modes leave this fraction of are not free.
 
 contains
 
@@ -166,11 +163,11 @@ contains
     end do
     amplitude = about_centre
     a = self%coefficient
-    call least_squares(a, amplitude, not_free, rank, error)
+    call least_squares(a, amplitude, same_number, rank, error)
     are_free = .not. allocated(error) .and. rank == self%n
     if (.not. are_free) return
     amplitude = amplitude(:self%n, :)
-    are_free = all(abs(matmul(self%coefficient, amplitude) - about_centre) <= not_free*maxval(abs(about_centre)))
+    are_free = all(abs(matmul(self%coefficient, amplitude) - about_centre) <= same_number*maxval(abs(about_centre)))
   end subroutine rigid_body_modes_amplitudes
 
   !> Orthonormalize the modes of a component by Gram-Schmidt on their coefficients.
@@ -240,7 +237,7 @@ contains
     real(dp) :: combined(6, 1), most
     integer :: p, k
     text = ''
-    most = least_fraction*maxval([0.0_dp, abs(amplitude)])
+    most = same_number*maxval([0.0_dp, abs(amplitude)])
     do p = 1, size(self%radius)
       combined = 0
       do k = 1, self%n

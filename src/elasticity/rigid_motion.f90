@@ -8,6 +8,7 @@ module dotyk_elasticity_rigid_motion
   use dotyk_base_kinds, only: dp, int64
   use dotyk_base_options, only: analysis_3d, analysis_axisymmetric
   use dotyk_base_text, only: point_text, to_text
+  use dotyk_base_thresholds, only: same_number, same_place
   use dotyk_elasticity_body, only: body_t
   use dotyk_elasticity_constraint, only: constraint_t
   use dotyk_elasticity_foundation, only: foundation_points_t
@@ -18,22 +19,12 @@ module dotyk_elasticity_rigid_motion
   use dotyk_mesh_facet, only: cross
   implicit none
   private
-  public :: find_free_rigid_modes, rigid_null_space, describe_rigid_motions, first_node, component_text, &
-    rigid_displacement, free_rigid_modes
+  public :: rigid_null_space, describe_rigid_motions, first_node, component_text, rigid_displacement, free_rigid_modes
 
   !> Rotations and translations of a normalized motion below this are rounding errors of the null space.
   real(dp), parameter :: negligible = 1.0e-5_dp
   !> A single rotation about an axis farther from the centre than this many radii is described as a translation.
   real(dp), parameter :: far_axis = 10
-  !> Shifts along the axis of a rotation below this fraction of the radius are no screw motion.
-  real(dp), parameter :: screw_shift = 1.0e-6_dp
-  !> Components of a direction that differ by less than this fraction are equal: the sign of a direction does not
-  !> depend on rounding.
-  real(dp), parameter :: equal_components = 1.0e-9_dp
-
-  !> A motion that moves the held points by less than this fraction of the others is free: more than the rounding of
-  !> coordinates in mesh files, less than the motion that a real support stops.
-  real(dp), parameter :: least_hold = 1.0e-6_dp
 
   !> An axis of a rotation passes through a component if it is no farther from its centre than this fraction of the
   !> radius [].
@@ -199,7 +190,7 @@ contains
     held_displacement = held_displacement(:m, :)
     call add_springs(mesh, analysis, constraint, component, p, centre, radius, exists, held_displacement)
     call gather_rows(mesh, held_displacement)
-    least = least_hold*sqrt(1 + sum(held_displacement**2))
+    least = same_place*sqrt(1 + sum(held_displacement**2))
     n = 0
     free = 0
     call right_singular_vectors(held_displacement, values(:size(exists)), vectors(:size(exists), :size(exists)), error)
@@ -298,7 +289,7 @@ contains
         if (dim == 2) then
           text = text//rotation()//' about '//vector_text(through(:2), radius)
         else
-          if (norm2(along) > merge(off_centre, screw_shift, on_others)*radius) then
+          if (norm2(along) > merge(off_centre, same_place, on_others)*radius) then
             text = text//'translation by '//to_text(dot_product(shift, axis), 4)//' per radian of rotation'
           else
             text = text//rotation()
@@ -370,7 +361,7 @@ contains
     real(dp) :: unit(size(vector))
     unit = vector/norm2(vector)
     where (abs(unit) < negligible) unit = 0
-    if (maxval(unit) < maxval(abs(unit))*(1 - equal_components)) unit = -unit
+    if (maxval(unit) < maxval(abs(unit))*(1 - same_number)) unit = -unit
     text = vector_text(unit, 1.0_dp)
   end function direction_text
 

@@ -6,6 +6,7 @@
 module dotyk_elasticity_shape_table
   use dotyk_base_kinds, only: dp
   use dotyk_base_options, only: analysis_axisymmetric
+  use dotyk_base_thresholds, only: no_offset
   use dotyk_elasticity_analysis, only: two_pi
   use dotyk_mesh_element, only: element_kind, element_kind_t, element_tet4, element_tri3, element_prism6, &
     element_pyramid5, quadrature_rule, reference_nodes, shape_functions, shape_gradients
@@ -36,10 +37,6 @@ module dotyk_elasticity_shape_table
   end type shape_table_pair_t
 
   public :: map_element, load_degree
-
-  !> A node farther from its position on the straight element than this fraction of the element's size makes the element
-  !> curved: the error of the cheaper rule is of the same order.
-  real(dp), parameter :: straightness = 1.0e-8_dp
 
 contains
 
@@ -170,7 +167,7 @@ contains
         end do
         deviation_squared = deviation_squared + (x(k, corners + i) - middle)**2
       end do
-      if (deviation_squared > straightness**2*size_squared) is_curved = .true.
+      if (deviation_squared > no_offset**2*size_squared) is_curved = .true.
     end do
   end function shape_table_pair_is_curved
 

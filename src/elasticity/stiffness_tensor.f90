@@ -4,6 +4,7 @@ module dotyk_elasticity_stiffness_tensor
   use dotyk_base_error, only: error_t, exit_bad_input, set_error
   use dotyk_base_kinds, only: dp
   use dotyk_base_text, only: to_text
+  use dotyk_base_thresholds, only: given_rounding, same_place
   use dotyk_linalg_dense, only: symmetric_eigen
   implicit none
   private
@@ -12,12 +13,8 @@ module dotyk_elasticity_stiffness_tensor
   !> Square roots of the multiplicities of the strain components in the tensor (Kelvin's notation), with which the
   !> eigenvalues of the 6 by 6 matrix are those of the tensor (6) [].
   real(dp), parameter, public :: kelvin(6) = [1.0_dp, 1.0_dp, 1.0_dp, sqrt(2.0_dp), sqrt(2.0_dp), sqrt(2.0_dp)]
-  !> A stiffness whose smallest eigenvalue is below this fraction of the largest is singular: more than rounding.
-  real(dp), parameter, public :: singular_ratio = 1.0e-13_dp
   !> The two tensor indices of each of the six components (6).
   integer, parameter :: first_index(6) = [1, 2, 3, 2, 1, 1], second_index(6) = [1, 2, 3, 3, 3, 2]
-  !> Directions with a smaller sine between them count as parallel: the second axis would be rounding.
-  real(dp), parameter :: parallel_sine = 1.0e-6_dp
 
 contains
 
@@ -38,7 +35,7 @@ contains
     axes(:, 1) = axis_1/length_1
     rest = axis_2/length_2
     rest = rest - dot_product(rest, axes(:, 1))*axes(:, 1)
-    if (.not. norm2(rest) > parallel_sine) then
+    if (.not. norm2(rest) > same_place) then
       call set_error(error, 'axis_1 and axis_2 must not be parallel', exit_bad_input)
       return
     end if
@@ -73,7 +70,7 @@ contains
     call symmetric_eigen(scale_components(matrix, weight), values, vectors, error)
     if (allocated(error)) return
     i = minloc(values, 1)
-    if (.not. values(i) > singular_ratio*maxval(abs(values))) then
+    if (.not. values(i) > given_rounding*maxval(abs(values))) then
       if (values(i) < 0) then
         ! The inverse's most negative eigenvalue comes from the negative one nearest to zero.
         call set_error(error, 'the stiffness is not positive definite, its least eigenvalue is '// &

@@ -11,6 +11,7 @@ module dotyk_elasticity_support
   use dotyk_base_kinds, only: dp
   use dotyk_base_options, only: analysis_axisymmetric
   use dotyk_base_text, only: point_text, quoted, text_t, to_text
+  use dotyk_base_thresholds, only: same_number, same_place
   use dotyk_elasticity_constraint, only: constraint_t, held
   use dotyk_elasticity_node_axes, only: combine_conditions, nodal_vector_list_t, node_axes_t
   use dotyk_elasticity_support_directions, only: support_directions_t
@@ -26,7 +27,6 @@ module dotyk_elasticity_support
   !> Smallest cosine of the angle of two normals of one smooth face: 20 degrees. Facets of coarse meshes of curved
   !> surfaces meet at smaller angles, edges of machine parts at larger ones.
   real(dp), parameter :: least_cosine = 0.939692620785908_dp
-  real(dp), parameter :: cancelled = 1.0e-6_dp  !! Mean normals shorter than this fraction cancelled out.
 
   type, public :: support_t  !! One support.
     type(surface_t) :: surface  !! The surface.
@@ -35,13 +35,6 @@ module dotyk_elasticity_support
     real(dp) :: value(3) = 0  !! Prescribed displacement (3) [length].
     type(text_t), allocatable :: formula(:)  !! By components; an empty one keeps the value; or not allocated (3).
   end type support_t
-
-  !> Differences of prescribed displacements below this fraction of the largest one are rounding errors.
-  real(dp), parameter :: displacement_tolerance = 1.0e-9_dp
-  !> Nodes of axisymmetric bodies nearer to the axis than this fraction of the body's size are on the axis.
-  real(dp), parameter :: axis_tolerance = 1.0e-9_dp
-  !> Conditions whose directions have a smaller cosine have nothing to do with each other [].
-  real(dp), parameter :: perpendicular = 1.0e-6_dp
 
   public :: collect_supports
 
@@ -192,7 +185,7 @@ contains
     integer :: i
     body_size = max(maxval(abs(x(1, :))), maxval(x(2, :)) - minval(x(2, :)))
     do i = 1, size(x, 2)
-      if (abs(x(1, i)) <= axis_tolerance*body_size) call conditions%add(i, 0, [1.0_dp, 0.0_dp], 0.0_dp)
+      if (abs(x(1, i)) <= same_number*body_size) call conditions%add(i, 0, [1.0_dp, 0.0_dp], 0.0_dp)
     end do
   end subroutine add_axis_conditions
 
@@ -210,7 +203,7 @@ contains
     integer :: node, n, n_frames, dim
     dim = mesh%dimension
     tolerance = 0
-    if (conditions%n > 0) tolerance = displacement_tolerance*maxval(abs(conditions%value(:conditions%n)))
+    if (conditions%n > 0) tolerance = same_number*maxval(abs(conditions%value(:conditions%n)))
     call conditions%by_node(mesh%n_nodes(), first, order)
     n_frames = 0
     allocate (frame(dim, dim, count(first(2:mesh%n_nodes() + 1) > first(:mesh%n_nodes()))))
@@ -223,7 +216,7 @@ contains
       if (axes%contradiction > 0) then
         associate (source => conditions%source(order(first(node):first(node + 1) - 1)), &
                    along => abs(matmul(direction(:, axes%contradiction), direction)))
-          call contradiction_error(mesh, supports, node, pack(source, along > perpendicular), axes, &
+          call contradiction_error(mesh, supports, node, pack(source, along > same_place), axes, &
                                    direction(:, axes%contradiction), error)
         end associate
         return
@@ -345,7 +338,7 @@ contains
         end do
       end do
       ! Chains may go round, as the sides of a needle do, and their normals cancel: the first normal represents them.
-      if (.not. norm2(mean(:, n_groups)) > cancelled*area(i)) mean(:, n_groups) = normal(:, i)
+      if (.not. norm2(mean(:, n_groups)) > same_place*area(i)) mean(:, n_groups) = normal(:, i)
       mean(:, n_groups) = mean(:, n_groups)/norm2(mean(:, n_groups))
     end do
   end subroutine group_normals

@@ -9,7 +9,7 @@ module dotyk_elasticity_support_directions
   use dotyk_base_kinds, only: dp
   use dotyk_base_parcel, only: parcel_t
   use dotyk_base_text, only: text_t
-  use dotyk_elasticity_node_axes, only: nodal_vector_list_t
+  use dotyk_elasticity_node_axes, only: least_sine, nodal_vector_list_t
   use dotyk_linalg_dense, only: right_singular_vectors
   use dotyk_mesh_body_mesh, only: body_mesh_t
   implicit none
@@ -31,10 +31,6 @@ module dotyk_elasticity_support_directions
   end type support_directions_t
 
   public :: divide_force, wrench
-
-  !> Singular values of directions below this fraction of the largest one count as zero, as in
-  !> `dotyk_elasticity_node_axes` [].
-  real(dp), parameter :: least_sine = 1.0e-3_dp
 
 contains
 

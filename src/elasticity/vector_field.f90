@@ -8,11 +8,9 @@ module dotyk_elasticity_vector_field
   use dotyk_base_kinds, only: dp
   use dotyk_base_magnitude, only: is_too_large, size_rule
   use dotyk_base_text, only: point_text, quoted, text_t, to_text
+  use dotyk_base_thresholds, only: same_number
   implicit none
   private
-
-  !> Numbers below this fraction of the scale of a text are rounding errors, and written as zero.
-  real(dp), parameter :: text_rounding = 1.0e-9_dp
 
   type, public :: vector_field_t  !! A vector field. It owns formulas: never copy it, and destroy it in the end.
     real(dp) :: value(3) = 0  !! Components without a formula (3) [any].
@@ -137,7 +135,7 @@ contains
     character(:), allocatable :: text
     real(dp) :: clean(size(vector))
     clean = vector
-    where (abs(clean) < text_rounding*abs(scale)) clean = 0
+    where (abs(clean) < same_number*abs(scale)) clean = 0
     text = point_text(clean)
   end function vector_text
 end module dotyk_elasticity_vector_field

@@ -15,7 +15,7 @@ module dotyk_input_bodies
   use dotyk_input_settings, only: read_mesh_path
   implicit none
   private
-  public :: read_body, union_name, repeat_body, append_bodies, name_copies
+  public :: read_body, repeat_body, append_bodies, name_copies
 
   integer, parameter :: max_levels = 3, most_copies = 200000  !! Most levels of an array, and of its copies.
 

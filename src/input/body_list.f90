@@ -225,10 +225,8 @@ contains
       if (group%is_usable('poisson') .and. (material%poisson(1) <= -1 .or. material%poisson(1) >= 0.5_dp)) &
         call input%report(group, 'poisson', 'poisson must be above -1 and below 0.5, got '// &
                           to_text(material%poisson(1), 15))
-      if (group%is_given('axis_1')) &
-        call input%report(group, 'axis_1', 'axis_1 means nothing for an isotropic material')
-      if (group%is_given('axis_2')) &
-        call input%report(group, 'axis_2', 'axis_2 means nothing for an isotropic material')
+      if (group%is_given('axis_1')) call input%report(group, 'axis_1', 'axis_1 means nothing for an isotropic material')
+      if (group%is_given('axis_2')) call input%report(group, 'axis_2', 'axis_2 means nothing for an isotropic material')
       call read_formulas(group, 'young poisson', [1, 1], material)
     end if
   end subroutine read_material

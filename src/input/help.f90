@@ -9,7 +9,7 @@ module dotyk_input_help
     kind_integer, kind_logical, kind_name, kind_names, kind_real
   implicit none
   private
-  public :: help_text, meaning_of, occurrence, values_text, reference_text, manual_text
+  public :: help_text, reference_text, manual_text
 
   integer, parameter :: width = 110  !! Longest line.
   integer, parameter :: indent = 2, values_column = 27, meaning_column = 50  !! Columns of keys, values and meanings.

@@ -11,7 +11,7 @@ module dotyk_input_references
   use dotyk_input_problems, only: problems_t
   implicit none
   private
-  public :: append_places, bodies_named, find_name, find_named, first_names, names_several, need_place, why_unknown, &
+  public :: append_places, bodies_named, find_name, first_names, names_several, need_place, why_unknown, &
     read_formulas, read_vector
 
   !> Keys that tell where a group acts.

@@ -32,8 +32,8 @@ module dotyk_linalg_chebyshev
   !> Lanczos steps for the greatest eigenvalue, and the margin: Ritz values after 12 steps are 0.96 to 1 of it
   !> (`benchmark_multigrid table`). With degree 3 and ratio 8 the smoother converges up to 1.12 times `greatest`: 0.81
   !> of it would do.
-  integer, parameter :: lanczos_steps = 12
-  real(dp), parameter :: margin = 1.1_dp
+  integer, parameter, public :: lanczos_steps = 12
+  real(dp), parameter, public :: lanczos_margin = 1.1_dp
 
 contains
 
@@ -54,7 +54,7 @@ contains
     call fixed_start(start)
     call conjugate_gradient(self, start, x, 0.0_dp, lanczos_steps, outcome)
     call outcome%ritz_values(least, self%greatest)
-    self%greatest = margin*self%greatest
+    self%greatest = lanczos_margin*self%greatest
   end subroutine chebyshev_prepare
 
   !> y = A x.

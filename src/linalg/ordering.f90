@@ -11,7 +11,6 @@ module dotyk_linalg_ordering
   integer, parameter :: least_nodes = 50  !! Smaller graphs keep their order: factors are nearly dense in any.
   integer, parameter :: n_options = 40  !! Length of METIS 5.1's array of options.
   integer, parameter :: option_seed = 9  !! Position of the seed in that array, from 1.
-  integer, parameter :: option_separators = 16  !! Position of the number of separators, likewise.
   integer, parameter :: metis_ok = 1  !! METIS_NodeND succeeded.
   integer, parameter :: metis_error_memory = -3  !! METIS_NodeND had no memory.
 
@@ -92,7 +91,7 @@ contains
   end subroutine partition_elements
 
   !> Nested dissection of a graph. The same graph and seed give the same order, whatever other threads do.
-  subroutine nested_dissection(start, neighbour, permutation, error, seed, weight, separators)
+  subroutine nested_dissection(start, neighbour, permutation, error, seed, weight)
     integer, intent(in) :: start(:)  !! Position of the first neighbour of each node (n+1), 1-based.
     !> Neighbours of each node, without the node itself; the graph is symmetric (number of neighbours of all nodes).
     integer, intent(in) :: neighbour(:)
@@ -101,9 +100,6 @@ contains
     integer, intent(in), optional :: seed  !! Seed of METIS's random numbers; a fixed one if absent.
     !> Number of equations of each node, which separators minimize (n); all equal if absent.
     integer, intent(in), optional :: weight(:)
-    !> Separators of each level that METIS makes to take the smallest one; its own number if absent. More of them cost
-    !> time in proportion, which a factor in three dimensions saves many times over.
-    integer, intent(in), optional :: separators
     integer(c_int32_t), allocatable, target :: weight_c(:)
     type(c_ptr) :: weights
     integer(c_int32_t), allocatable :: start_c(:), neighbour_c(:), permutation_c(:), inverse(:)
@@ -128,7 +124,6 @@ contains
     status = metis_set_default_options(options)
     options(option_seed) = 1
     if (present(seed)) options(option_seed) = int(seed, c_int32_t)
-    if (present(separators)) options(option_separators) = int(separators, c_int32_t)
     status = metis_node_nd(int(n, c_int32_t), start_c, neighbour_c, weights, options, permutation_c, inverse)
     !$omp end critical(dotyk_metis)
     if (status == metis_ok) then

@@ -6,13 +6,12 @@ module dotyk_log_case_tables
   use dotyk_base_log, only: log_t, most_shown
   use dotyk_base_options, only: analysis_axisymmetric, gap_formula
   use dotyk_base_text, only: counted, quoted, text_t, to_text
-  use dotyk_base_thresholds, only: rounding
+  use dotyk_base_thresholds, only: notable, rounding
   use dotyk_control_contact_problem, only: contact_problem_t
   use dotyk_control_contact_solution, only: contact_solution_t
   use dotyk_control_pressures, only: pair_solution_t
   use dotyk_elasticity_body, only: body_t
-  use dotyk_elasticity_load_report, only: difference_in_volume, difference_on_surface, load_resultant_t, &
-    notable_difference
+  use dotyk_elasticity_load_report, only: difference_in_volume, difference_on_surface, load_resultant_t
   use dotyk_input_case, only: case_t
   use dotyk_scheme_solver_state, only: ending_name
   implicit none
@@ -116,8 +115,7 @@ contains
         adjustr(wide(to_text(row(k)%energy, 8))), adjustr(peak), adjustr(gap), adjustr(error(1:7))
       call log%line(trim(line)//'  '//row(k)%ending)
     end do
-    if (size(row) < n_cases) &
-      call log%line('  interrupted: '//counted(n_cases - size(row), 'load case')//' not solved')
+    if (size(row) < n_cases) call log%line('  interrupted: '//counted(n_cases - size(row), 'load case')//' not solved')
   end subroutine show_case_table
 
   !> A text in the width of the column of energies.
@@ -264,7 +262,7 @@ contains
       real(dp), intent(in) :: difference  !! Difference of two rules, relative [].
       character(*), intent(in) :: where  !! 'elements' or 'facets'.
       character(*), intent(in) :: what  !! What is wrong, and its verb.
-      if (difference > notable_difference) &
+      if (difference > notable) &
         call log%line('    warning: '//name//' varies within '//where//': two quadrature rules differ by '// &
                       to_text(100*difference, 2)//' %, and '//what//' no better')
     end subroutine warn

@@ -3,6 +3,7 @@ module dotyk_log_found_pairs
   use dotyk_base_kinds, only: dp
   use dotyk_base_log, only: log_t
   use dotyk_base_text, only: counted, quoted, to_text
+  use dotyk_base_thresholds, only: same_number
   use dotyk_contact_pair_report, only: group_report_t, unnamed_faces_t
   use dotyk_control_contact_problem, only: contact_problem_t
   use dotyk_elasticity_body, only: body_t
@@ -99,9 +100,8 @@ contains
     type(unnamed_faces_t), intent(in) :: unnamed  !! The faces.
     character(:), allocatable :: text
     integer :: i
-    real(dp), parameter :: contact = 1.0e-9_dp  !! Distances below this fraction of the size of a body are contact [].
     text = '  in no pair       '//quoted(body(unnamed%body_a)%name)//' and '//quoted(body(unnamed%body_b)%name)
-    if (unnamed%distance > contact*body(unnamed%body_a)%mesh%diameter()) then
+    if (unnamed%distance > same_number*body(unnamed%body_a)%mesh%diameter()) then
       text = text//' are '//to_text(unnamed%distance, 3)//' apart'
     else
       ! Overlaps have lines of their own, by the check for penetration.

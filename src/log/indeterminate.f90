@@ -3,6 +3,7 @@ module dotyk_log_indeterminate
   use dotyk_base_kinds, only: dp
   use dotyk_base_log, only: log_t
   use dotyk_base_text, only: quoted, text_t, to_text
+  use dotyk_base_thresholds, only: notable
   use dotyk_control_contact_problem, only: contact_problem_t, first_mode
   use dotyk_log_case_tables, only: vector_text
   use dotyk_scheme_coarse_space, only: mode_block_t
@@ -13,8 +14,6 @@ module dotyk_log_indeterminate
   public :: note_undetermined, note_rest
 
   integer, parameter :: most_named = 20  !! Greatest number of names, or of parts of the line; more are summed up.
-  !> Bodies that a motion moves by less than this fraction of the body that it moves most take no part in it [].
-  real(dp), parameter :: least_part = 0.01_dp
   !> Names that differ in numbers or in their last word alone become one with a wildcard where they are so many.
   integer, parameter :: many_alike = 3
 
@@ -40,8 +39,7 @@ contains
     do b = 1, size(problem%body)
       motion(b)%s = ''
       associate (modes => problem%modes(b))
-        if (modes%n > 0 .and. .not. modes%is_near_null()) &
-          motion(b)%s = modes%span_text(of_body(b)%value(:modes%n, :))
+        if (modes%n > 0 .and. .not. modes%is_near_null()) motion(b)%s = modes%span_text(of_body(b)%value(:modes%n, :))
       end associate
       short(b)%s = without_places(motion(b)%s)
       kinds(b)%s = kinds_of_motion(motion(b)%s)
@@ -103,7 +101,7 @@ contains
       do b = 1, size(part)
         part(b) = norm2(x(first(b):first(b + 1) - 1))/sqrt(real(problem%body(b)%mesh%n_whole_nodes(), dp))
       end do
-      least = least_part*maxval(part)
+      least = notable*maxval(part)
       do b = 1, size(part)
         if (part(b) < least) x(first(b):first(b + 1) - 1) = 0
       end do

@@ -113,8 +113,7 @@ contains
       if (all(abs(amplitude(first(b):first(b) + modes(b)%n - 1)) <= much*maxval(abs(amplitude)))) cycle
       n_carried = n_carried + 1
       if (n_carried > 1 .and. n_carried <= most_named) carried = carried//', '
-      if (n_carried <= most_named) &
-        carried = carried//quoted(body(b)%name)//' (line '//to_text(case%body(b)%line)//')'
+      if (n_carried <= most_named) carried = carried//quoted(body(b)%name)//' (line '//to_text(case%body(b)%line)//')'
     end do
     if (n_carried > most_named) carried = carried//' and '//to_text(n_carried - most_named)//' more'
     if (n_carried > 0) others = others//'; without loads of their own, '//carried//' would move with it'

@@ -7,8 +7,8 @@ module dotyk_log_run_monitor
   use dotyk_log_timing, only: progress_line, show_timing, stage_estimate, stage_iterate, stage_recover, stopwatch_t, &
     timing_t
   use dotyk_ranks_communication, only: n_ranks
-  use dotyk_scheme_history, only: history_t
   use dotyk_scheme_monitor, only: monitor_t, phase_estimate, phase_iterate, phase_recover
+  use dotyk_scheme_solver_state, only: history_t
   implicit none
   private
 

@@ -5,21 +5,21 @@ module dotyk_log_summary
   use dotyk_base_log, only: log_t
   use dotyk_base_options, only: stop_increment, stop_paper
   use dotyk_base_text, only: counted, quoted, to_text
+  use dotyk_base_thresholds, only: notable, rounding
   use dotyk_contact_pair, only: contact_pair_t
-  use dotyk_control_conditioning, only: conditioning_t
   use dotyk_control_congruence_classes, only: congruence_classes_t
   use dotyk_control_contact_problem, only: contact_problem_t
   use dotyk_control_contact_solution, only: contact_solution_t, energies_t, solution_goal_t
   use dotyk_control_error_budget, only: error_budget_t
   use dotyk_control_gap_doubt, only: gap_doubt_t
+  use dotyk_control_refinement, only: conditioning_t
   use dotyk_elasticity_body, only: body_t
   use dotyk_input_case, only: output_input_t
   use dotyk_log_found_pairs, only: show_idle_bodies
   use dotyk_log_timing, only: duration
+  use dotyk_scheme_relaxation, only: factor_text
   use dotyk_scheme_solver_state, only: solver_state_t, ended_converged, ended_limit, ended_diverged, ended_cycling, &
-    ended_gaps, ended_interrupted, ended_penetration, ended_rotated, ended_solves, ended_unbalanced, &
-    ended_unverified
-  use dotyk_scheme_theorem_lines, only: factor_text
+    ended_gaps, ended_interrupted, ended_penetration, ended_rotated, ended_solves, ended_unbalanced, ended_unverified
   implicit none
   private
   public :: show_errors, show_outcome
@@ -118,11 +118,10 @@ contains
     logical, intent(in) :: has_layer  !! Whether the penalty term has the energy of layers, which is no error.
     real(dp) :: work
     ! What rounding leaves where no load does work.
-    real(dp), parameter :: no_work = 1.0e-12_dp
     ! Penalty term relative to the strain energy that is told [].
     real(dp), parameter :: much_penalty = 0.02_dp
     work = energies%load_work
-    if (abs(work) < no_work*energies%strain) work = 0
+    if (abs(work) < rounding*energies%strain) work = 0
     call log%detail('  potential energy '//to_text(state%energy, digits_of_energy(state, energies%strain)))
     call log%detail('                   = strain energy '//to_text(energies%strain, 6)//' - work of loads '// &
                   to_text(work, 6)//' + penalty term (18) '//to_text(energies%penalty, 6))
@@ -289,7 +288,6 @@ contains
     type(log_t), intent(inout) :: log  !! The log.
     type(contact_pair_t), intent(in) :: pair(:)  !! The pairs (n_pairs).
     type(gap_doubt_t), intent(in) :: doubt(:)  !! Of each (n_pairs).
-    real(dp), parameter :: considerable = 0.01_dp  !! Part of the greatest value of a scene that gets a line [].
     integer, parameter :: most_lines = 5  !! Lines at most.
     real(dp) :: part(size(doubt))
     logical :: is_shown(size(doubt)), is_low(size(doubt))
@@ -299,17 +297,17 @@ contains
     if (any(ieee_is_nan(doubt%force_change)) .and. any(doubt%uncertainty > 0)) &
       call log%line('  uncertain        gaps are known to '//to_text(maxval(doubt%uncertainty), 2)// &
                     ' only; what hangs on them could not be found')
-    is_low = doubt%hertz_peak > (1 + considerable)*doubt%peak
+    is_low = doubt%hertz_peak > (1 + notable)*doubt%peak
     part = max(doubt%force_part, doubt%moved_part)
     is_shown = .false.
-    do i = 1, min(most_lines, count(part > considerable))
+    do i = 1, min(most_lines, count(part > notable))
       k = maxloc(part, dim=1, mask=.not. is_shown)
       is_shown(k) = .true.
       line = ''
-      if (doubt(k)%force_part > considerable) &
+      if (doubt(k)%force_part > notable) &
         line = ' normal forces of '//to_text(doubt(k)%force, 4)//' together, uncertain by '// &
                to_text(doubt(k)%force_change, 2)
-      if (doubt(k)%moved_part > considerable) line = &
+      if (doubt(k)%moved_part > notable) line = &
         line//trim(merge(',', ' ', len(line) > 0))//' normal displacements uncertain by '// &
         to_text(doubt(k)%moved_change, 2)
       if (doubt(k)%uncertainty > 0) then
@@ -320,7 +318,7 @@ contains
                       to_text(maxval(doubt%uncertainty), 2)//' only: its'//line)
       end if
     end do
-    i = count(part > considerable) - most_lines
+    i = count(part > notable) - most_lines
     if (i > 0) call log%line('                   and '//counted(i, 'other pair'))
     if (any(is_shown)) call log%line('                   refine the surfaces there, or use quadratic elements on '// &
                                      'curved geometry')

@@ -4,9 +4,9 @@ module dotyk_log_tie_tables
   use dotyk_base_log, only: log_t, most_shown
   use dotyk_base_text, only: counted, quoted, to_text
   use dotyk_contact_pair, only: contact_pair_t
+  use dotyk_control_balance, only: tie_force_t
   use dotyk_control_contact_problem, only: tied_surfaces_t
   use dotyk_control_seams, only: count_split_rows, pair_of_other_roles
-  use dotyk_control_tie_forces, only: tie_force_t
   use dotyk_elasticity_body, only: body_t
   use dotyk_log_case_tables, only: vector_text
   use dotyk_mesh_surface, only: surface_t

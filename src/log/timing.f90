@@ -8,7 +8,7 @@ module dotyk_log_timing
   use dotyk_base_timer, only: processor_time, wall_time
   use dotyk_ranks_communication, only: n_ranks, this_rank
   use dotyk_ranks_exchange, only: exchange_cost, exchange_cost_t, greatest, share
-  use dotyk_scheme_history, only: history_t
+  use dotyk_scheme_solver_state, only: history_t
   implicit none
   private
   public :: show_timing, progress_line, duration

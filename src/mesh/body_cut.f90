@@ -4,6 +4,7 @@ module dotyk_mesh_body_cut
   use dotyk_base_error, only: error_t, exit_bad_input, set_error
   use dotyk_base_kinds, only: dp, int64
   use dotyk_base_text, only: quoted, to_text
+  use dotyk_base_thresholds, only: of_mesh, same_number
   use dotyk_mesh_body_mesh, only: body_mesh_t
   use dotyk_mesh_boundary, only: extract_boundary
   use dotyk_mesh_corner_table, only: corner_table_t
@@ -16,12 +17,9 @@ module dotyk_mesh_body_cut
   private
   public :: cut_along_plane, cut_along_surface, extract_cut, take_half
 
-  !> Elements whose centre is on the plane are behind it, whatever the rounding of bodies in place.
-  real(dp), parameter :: rounding = 1.0e-9_dp
   !> Area of a cut, seen along the normal, as a fraction of the section of the body by the plane, at least: a cut
   !> through a prism has all of it, one across the edge between two faces less [].
   real(dp), parameter :: least_fraction = 0.7_dp
-  real(dp), parameter :: nothing = 1.0e-3_dp  !! Sections below this fraction of that by the plane are none [].
   integer, parameter :: max_corners = 4  !! Greatest number of corners of a face.
 
 contains
@@ -50,7 +48,7 @@ contains
           i = i + 1
           associate (m => size(node, 1))
             distance(:m) = matmul(normal, whole%x(:, node(:, e)) - spread(point, 2, m))
-            is_ahead(i) = sum(distance(:m)) > rounding*sum(abs(distance(:m)))
+            is_ahead(i) = sum(distance(:m)) > same_number*sum(abs(distance(:m)))
             is_crossed(i) = minval(distance(:m)) <= 0 .and. maxval(distance(:m)) >= 0
             if (is_crossed(i)) extent = extent + maxval(distance(:m)) - minval(distance(:m))
           end associate
@@ -132,7 +130,7 @@ contains
       end associate
     end do
     ! Beyond an end there is none.
-    fraction = cut/minval(section, mask=section > nothing*section(0))
+    fraction = cut/minval(section, mask=section > of_mesh*section(0))
 
   contains
 

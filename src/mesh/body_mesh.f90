@@ -8,9 +8,8 @@ module dotyk_mesh_body_mesh
   use dotyk_base_parcel, only: parcel_t
   use dotyk_base_text, only: quoted
   use dotyk_mesh_element, only: kind_dimension, kind_nodes, n_element_kinds
-  use dotyk_mesh_element_orientation, only: orient_elements
   use dotyk_mesh_mesh, only: element_block_t, fault_of_volume, groups_named, material_of_block, mesh_t, n_materials_of
-  use dotyk_mesh_mesh_check, only: check_plane, check_repeated_elements, check_size
+  use dotyk_mesh_mesh_check, only: check_plane, check_repeated_elements, check_size, orient_elements
   use dotyk_mesh_union_find, only: root_of
   implicit none
   private

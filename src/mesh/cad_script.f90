@@ -76,8 +76,7 @@ contains
         'Field[all].FieldsList = {1:#solid()};'//lf// &
         'Background Field = all;'//lf
     else
-      text = text//'  MeshSize{ PointsOf{ Volume{solid(i)}; } } = extent/'//to_text(along_solid)//';'//lf// &
-        'EndFor'//lf
+      text = text//'  MeshSize{ PointsOf{ Volume{solid(i)}; } } = extent/'//to_text(along_solid)//';'//lf// 'EndFor'//lf
     end if
     if (.not. of_triangles) text = text//names_of_solids()
     text = text//'face() = Surface{:};'//lf// &

@@ -400,8 +400,7 @@ contains
       else if (.not. is_complete(temporary//'.msh')) then
         call set_error(error, file//': '//trim(merge('gmsh    ', 'mesh2msh', uses_gmsh(file)))// &
                        ' did not write a complete mesh to '//directory_of(base)//': is the disk full?')
-        if (uses_gmsh(file)) &
-          error%message = error%message//' Or does the geometry set Mesh.Format, or call Exit?'
+        if (uses_gmsh(file)) error%message = error%message//' Or does the geometry set Mesh.Format, or call Exit?'
       else
         status = run_shell('touch -r '//shell_quoted(temporary//'.start')//' '//shell_quoted(temporary//'.msh'))
         if (.not. rename_file(temporary//'.msh', base//'.msh')) &

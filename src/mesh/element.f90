@@ -4,7 +4,7 @@ module dotyk_mesh_element
   use dotyk_mesh_element_kind, only: element_hex20, element_hex27, element_hex8, element_kind, element_kind_t, &
     element_line2, element_line3, element_point, element_prism15, element_prism18, element_prism6, element_pyramid13, &
     element_pyramid14, element_pyramid5, element_quad4, element_quad8, element_quad9, element_tet10, element_tet4, &
-    element_tri3, element_tri6, hexahedron_node, kind_dimension, kind_nodes, line_node, max_element_nodes, max_faces, &
+    element_tri3, element_tri6, hexahedron_node, kind_dimension, kind_nodes, line_node, max_element_nodes, &
     max_facet_nodes, n_element_kinds, quadrilateral_node, tetrahedron_edge, tetrahedron_node, triangle_edge, &
     triangle_node
   use dotyk_mesh_quadrature, only: quadrature_rule
@@ -14,7 +14,7 @@ module dotyk_mesh_element
   implicit none
   private
 
-  public :: element_kind_t, n_element_kinds, max_element_nodes, max_facet_nodes, max_faces, kind_dimension, kind_nodes
+  public :: element_kind_t, n_element_kinds, max_element_nodes, max_facet_nodes, kind_dimension, kind_nodes
   public :: element_point, element_line2, element_line3, element_tri3, element_tri6, element_quad4, element_quad8
   public :: element_quad9
   public :: element_tet4, element_tet10, element_hex8, element_hex20, element_hex27

@@ -3,13 +3,11 @@
 !> Facets are oriented as in the face tables of the element kinds: the normal points out of the body.
 module dotyk_mesh_facet
   use dotyk_base_kinds, only: dp
+  use dotyk_base_thresholds, only: same_place
   use dotyk_mesh_element, only: kind_dimension, kind_nodes, max_facet_nodes, shape_functions, shape_gradients
   implicit none
   private
   public :: area_vector, facet_geometry, frame_of_normal, cross
-
-  !> The projection of the unit vector x on the surface vanishes where it is shorter than this [].
-  real(dp), parameter :: min_projection = 1.0e-6_dp
 
 contains
 
@@ -81,7 +79,7 @@ contains
     frame(:, dimension) = normal
     axis = -normal(1)*normal
     axis(1) = axis(1) + 1
-    if (norm2(axis) < min_projection) then
+    if (norm2(axis) < same_place) then
       axis = -normal(2)*normal
       axis(2) = axis(2) + 1
     end if

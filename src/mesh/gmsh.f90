@@ -9,8 +9,7 @@ module dotyk_mesh_gmsh
   use dotyk_base_text, only: to_text
   use dotyk_mesh_gmsh_common, only: allocate_nodes, begin_section, check_block, content_name, conversion_advice, &
     find_nodes, index_nodes, read_counts, read_end, read_format, skip_section, type_kind, type_nodes
-  use dotyk_mesh_gmsh_entities, only: entities_t, entity_t, find_entity, read_entities_41, &
-    read_partitioned_entities_41
+  use dotyk_mesh_gmsh_entities, only: entities_t, entity_t, find_entity, read_entities_41, read_partitioned_entities_41
   use dotyk_mesh_gmsh_selected_nodes, only: read_selected_nodes, skip_nodes
   use dotyk_mesh_mesh, only: mesh_selection_t, mesh_t
   use dotyk_mesh_mesh_builder, only: mesh_builder_t

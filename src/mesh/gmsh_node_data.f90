@@ -76,8 +76,7 @@ contains
       call set_error(error, cursor%fault, exit_bad_input)
     else if (.not. found) then
       if (len(names) == 0) names = ', none'
-      call set_error(error, file//': the nodes have no field '//quoted(name)//'; they have '//names(3:), &
-                     exit_bad_input)
+      call set_error(error, file//': the nodes have no field '//quoted(name)//'; they have '//names(3:), exit_bad_input)
     end if
     call cursor%close
   end subroutine read_node_data

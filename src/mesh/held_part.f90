@@ -185,8 +185,7 @@ contains
     mesh%x = mesh%x(:, whole%node)
     mesh%node_tag = mesh%node_tag(whole%node)
     ! Nodes from order elevation are not in the file.
-    if (allocated(mesh%mesh_node)) &
-      mesh%mesh_node = mesh%mesh_node(pack(whole%node, whole%node <= size(mesh%mesh_node)))
+    if (allocated(mesh%mesh_node)) mesh%mesh_node = mesh%mesh_node(pack(whole%node, whole%node <= size(mesh%mesh_node)))
     call renumber(whole%facet_node, number)
     if (allocated(mesh%whole)) deallocate (mesh%whole)
     allocate (mesh%whole)

@@ -9,7 +9,7 @@ module dotyk_mesh_joints
   use dotyk_base_parcel, only: parcel_t
   use dotyk_base_sort, only: sort_order
   use dotyk_base_text, only: counted, to_text
-  use dotyk_base_thresholds, only: generic_direction
+  use dotyk_base_thresholds, only: generic_direction, of_mesh, opposite_cosine, same_place
   use dotyk_mesh_body_mesh, only: body_mesh_t, connected_components
   use dotyk_mesh_boundary, only: boundary_facets_t, max_corners
   use dotyk_mesh_element, only: element_kind, element_kind_t
@@ -36,11 +36,10 @@ module dotyk_mesh_joints
     real(dp) :: depth = 0, width = 0  !! Greatest depth of an overlap, and greatest width of a slit [length].
   end type findings_t
 
-  !> Facets touch, and nodes coincide, at this fraction of the size of elements and facets; what is nearer than the
-  !> second is a slit that may not be meant; parts overlap up to the third, as they do where polygons stand for one arc.
-  real(dp), parameter :: touching = 1.0e-6_dp, slit_width = 1.0e-3_dp, deepest = 0.2_dp
-  real(dp), parameter :: facing = -0.5_dp  !! Facets face each other where the cosine of their normals is below this.
-  real(dp), parameter :: towards_corner = 0.9_dp  !! Points of a facet: its centre, and this far from it to each corner.
+  !> Parts overlap up to this fraction of the size of elements, as they do where polygons stand for one arc.
+  real(dp), parameter :: deepest = 0.2_dp
+  !> Sample points of a facet: its centre, and this far from it to each corner [].
+  real(dp), parameter, public :: towards_corner = 0.9_dp
 
 contains
 
@@ -174,7 +173,7 @@ contains
       do m = k + 1, n
         j = order(m)
         if (lo(axis, j) > hi(axis, i)) exit
-        if (dot_product(facets%normal(:, i), facets%normal(:, j)) > facing) cycle
+        if (dot_product(facets%normal(:, i), facets%normal(:, j)) > opposite_cosine) cycle
         if (any(lo(:, j) > hi(:, i)) .or. any(lo(:, i) > hi(:, j))) cycle
         if (facets%element(i) == facets%element(j)) cycle
         h = min(size_of(i), size_of(j))
@@ -214,10 +213,10 @@ contains
       gap = dot_product(p - facets%centre(:, j), facets%normal(:, j))
       if (abs(gap) > deepest*h) cycle
       if (.not. is_over(facets%n_corners(j), y, facets%normal(:, j), p)) cycle
-      if (abs(gap) <= touching*thinnest) then
+      if (abs(gap) <= same_place*thinnest) then
         found%touches(i) = .true.
       else if (gap > 0) then
-        if (gap > slit_width*thinnest) cycle
+        if (gap > of_mesh*thinnest) cycle
         found%close(i) = .true.
         found%width = max(found%width, gap)
       else if (component(facets%corner(1, i)) /= component(facets%corner(1, j))) then
@@ -278,7 +277,7 @@ contains
       on_boundary(facets%corner(:, i)) = .true.
     end do
     node = pack([(i, i=1, size(shortest))], on_boundary(1:))
-    tolerance = touching*shortest(node)
+    tolerance = same_place*shortest(node)
     along = matmul(generic_direction(:mesh%dimension), mesh%x(:, node))
     allocate (order(size(node)))
     call sort_order(along, order)

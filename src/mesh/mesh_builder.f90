@@ -113,8 +113,7 @@ contains
     integer, intent(in) :: dimension  !! Dimension of the elements.
     integer, intent(in) :: group(:)  !! Indices of their physical groups (n_groups).
     integer :: i
-    wants = self%selection%everything .or. &
-            dimension < self%selection%dimension .and. .not. self%selection%counts_only
+    wants = self%selection%everything .or. dimension < self%selection%dimension .and. .not. self%selection%counts_only
     if (wants .or. dimension /= self%selection%dimension) return
     do i = 1, size(group)
       wants = wants .or. self%selection%has_volume(self%group(group(i))%name)

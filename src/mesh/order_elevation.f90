@@ -24,7 +24,7 @@ module dotyk_mesh_order_elevation
 
   !> A linear shape function is positive at a node between corners where it exceeds this; its values are 1/2, 1/4 or
   !> 1/8.
-  real(dp), parameter :: shape_tolerance = 0.01_dp
+  real(dp), parameter, public :: shape_tolerance = 0.01_dp
 
 contains
 

@@ -11,6 +11,7 @@
 !> method on the moment equations.
 module dotyk_mesh_quadrature
   use dotyk_base_kinds, only: dp
+  use dotyk_base_thresholds, only: pi
   use dotyk_mesh_element_kind, only: element_hex20, element_hex27, element_hex8, element_line2, element_line3, &
     element_point, element_pyramid13, element_pyramid14, element_pyramid5, element_quad4, element_quad8, &
     element_quad9, element_tet10, element_tet4, element_tri3, element_tri6
@@ -118,7 +119,6 @@ contains
     integer, intent(in) :: alpha  !! Exponent of the weight, 0 or above.
     real(dp), intent(out) :: x(n)  !! Points, ascending (n) [].
     real(dp), intent(out) :: w(n)  !! Weights, whose sum is 1/(alpha+1) (n) [].
-    real(dp), parameter :: pi = acos(-1.0_dp)
     integer, parameter :: most_steps = 100
     real(dp) :: t, p, derivative, change, last
     integer :: i, step

@@ -8,13 +8,13 @@ module dotyk_mesh_rigid_surface
   use dotyk_base_error, only: error_t, exit_bad_input, set_error
   use dotyk_base_kinds, only: dp
   use dotyk_base_text, only: quoted, to_text
+  use dotyk_base_thresholds, only: pi
   use dotyk_mesh_body_mesh, only: body_mesh_t, gather_elements, number_nodes
   use dotyk_mesh_corner_table, only: corner_table_t
   use dotyk_mesh_element, only: element_kind, element_kind_t, kind_dimension
   use dotyk_mesh_facet, only: cross
-  use dotyk_mesh_element_orientation, only: mirror_order
   use dotyk_mesh_mesh, only: groups_named, mesh_t, unknown_group
-  use dotyk_mesh_mesh_check, only: check_plane, check_repeated_elements, check_size
+  use dotyk_mesh_mesh_check, only: check_plane, check_repeated_elements, check_size, mirror_order
   implicit none
   private
 
@@ -35,7 +35,6 @@ module dotyk_mesh_rigid_surface
 
   public :: extract_rigid_surface
 
-  real(dp), parameter :: pi = acos(-1.0_dp)
   !> A point sees no side where the angle of what it sees is smaller than this fraction of the full one.
   real(dp), parameter :: least_view = 1.0e-4_dp
 

@@ -20,9 +20,9 @@ module dotyk_mesh_shape_functions
   use dotyk_mesh_element_kind, only: triangle_edge, triangle_node
   implicit none
   private
-  public :: lagrange_line, lagrange_values, lagrange_gradients, serendipity_values, serendipity_gradients, &
-    simplex_values, simplex_gradients, prism_node, prism_values, prism_gradients, collapsed_coordinates, pyramid_node, &
-    pyramid_values, pyramid_gradients
+  public :: lagrange_values, lagrange_gradients, serendipity_values, serendipity_gradients, simplex_values, &
+    simplex_gradients, prism_node, prism_values, prism_gradients, collapsed_coordinates, pyramid_node, pyramid_values, &
+    pyramid_gradients
 
   !> Node of the triangle (tri6) below or above each node: corners; edges 12 13 14 23 25 36 45 46 56; faces 1254 1463
   !> 2365.

@@ -5,6 +5,7 @@ module dotyk_model_body_actions
   use dotyk_base_kinds, only: dp
   use dotyk_base_options, only: analysis_axisymmetric, analysis_names, analysis_plane_strain, option_name
   use dotyk_base_text, only: quoted, text_t, to_text
+  use dotyk_base_thresholds, only: same_number
   use dotyk_elasticity_body, only: body_t
   use dotyk_elasticity_initial_stress, only: add_initial_forces, initial_state_t
   use dotyk_elasticity_load_cases, only: clear_actions, keep_case, take_case
@@ -279,8 +280,6 @@ contains
   subroutine check_expansion(body, error)
     type(body_t), intent(in) :: body  !! The body.
     type(error_t), allocatable, intent(out) :: error  !! Allocated where the analysis cannot have the expansion.
-    !> Components below this fraction of the largest one are the rounding of a rotation.
-    real(dp), parameter :: negligible = 1.0e-9_dp
     type(material_field_t) :: field
     integer :: i, k, n
     if (.not. any(body%analysis == [analysis_plane_strain, analysis_axisymmetric])) return
@@ -308,7 +307,7 @@ contains
       here%expansion = body%material(k)%expansion
       if (field%varies) call field%whole_at(x, here, no_value)
       stress = matmul(here%stiffness, here%expansion)
-      makes_shear = .not. allocated(no_value) .and. any(abs(stress(4:5)) > negligible*maxval(abs(stress)))
+      makes_shear = .not. allocated(no_value) .and. any(abs(stress(4:5)) > same_number*maxval(abs(stress)))
     end function makes_shear
   end subroutine check_expansion
 end module dotyk_model_body_actions

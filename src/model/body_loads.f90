@@ -5,10 +5,10 @@ module dotyk_model_body_loads
   use dotyk_base_kinds, only: dp
   use dotyk_base_options, only: load_acceleration, load_angular_velocity, load_force_density, load_names, option_name
   use dotyk_base_text, only: quoted, text_t, to_text
+  use dotyk_base_thresholds, only: notable
   use dotyk_elasticity_body, only: body_t
   use dotyk_elasticity_load, only: add_surface_load, add_volume_load, balance_centrifugal_force, load_t
-  use dotyk_elasticity_load_report, only: difference_in_volume, difference_on_surface, load_resultant_t, &
-    notable_difference, resultant_of
+  use dotyk_elasticity_load_report, only: difference_in_volume, difference_on_surface, load_resultant_t, resultant_of
   use dotyk_input_case, only: load_input_t
   use dotyk_mesh_surface, only: surface_nodes, surface_t
   use dotyk_ranks_exchange, only: agree_on_error
@@ -144,7 +144,7 @@ contains
     type(body_t), intent(inout) :: body  !! The body.
     character(*), intent(in) :: name  !! What has the formulas.
     real(dp), intent(in) :: difference  !! Difference of two rules, relative [].
-    if (.not. difference > notable_difference) return
+    if (.not. difference > notable) return
     call add_warning(body, quoted(body%name)//': the formula of '//name//' varies within elements: two quadrature '// &
                      'rules differ by '//to_text(100*difference, 2)//' %')
   end subroutine note_difference

@@ -5,7 +5,7 @@ module dotyk_model_body_setup
   use dotyk_base_options, only: analysis_axisymmetric, quantity_reaction
   use dotyk_base_text, only: quoted, text_t, to_text
   use dotyk_elasticity_body, only: body_t
-  use dotyk_input_case, only: body_input_t, case_t, contact_input_t
+  use dotyk_input_case, only: body_input_t, case_t
   use dotyk_mesh_conversion, only: meshing_t
   use dotyk_mesh_mesh, only: mesh_t
   use dotyk_mesh_placement, only: placement_t
@@ -19,7 +19,7 @@ module dotyk_model_body_setup
   use dotyk_model_volumes, only: refuse_on_both_halves, volume_t
   implicit none
   private
-  public :: build_bodies, build_body, body_surfaces_t, refuse_unused
+  public :: build_bodies, build_body, refuse_unused
 
 contains
 

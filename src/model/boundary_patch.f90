@@ -1,7 +1,7 @@
 !> Parts of the boundaries of two bodies as the two sides of a contact pair: which facets, and which side is the slave.
 module dotyk_model_boundary_patch
   use dotyk_base_kinds, only: dp
-  use dotyk_base_thresholds, only: sharp_cosine
+  use dotyk_base_thresholds, only: same_place, sharp_cosine
   use dotyk_contact_body_faces, only: body_faces_t
   use dotyk_mesh_element, only: element_kind, element_kind_t
   use dotyk_mesh_surface, only: surface_t
@@ -19,12 +19,10 @@ module dotyk_model_boundary_patch
 
   !> Rings of facets beyond those opposite the other body: normals of smooth surfaces depend on the neighbours.
   integer, parameter :: rings = 1
-  real(dp), parameter :: flat_angle = 1.0e-6_dp  !! Normals of a plane differ by less than this [].
   !> A planar side is the slave of a curved one where its mesh is finer by more than this factor [].
   real(dp), parameter :: much_finer = 2
   real(dp), parameter :: finer = 1.1_dp  !! Else the finer side is the slave, by more than this factor [].
-  real(dp), parameter :: softer = 1.01_dp  !! Else the softer side, by more than this factor [].
-  real(dp), parameter :: smaller = 1.01_dp  !! Else that of the smaller body, by more than this factor [].
+  real(dp), parameter :: clearly = 1.01_dp  !! Else the softer side, or that of the smaller body, by more than this [].
 
 contains
 
@@ -132,9 +130,9 @@ contains
       if (merge(1/ratio, ratio, curved_a) > much_finer) first = .not. first
     else if (max(ratio, 1/ratio) > finer) then
       first = ratio > 1
-    else if (max(young_a/young_b, young_b/young_a) > softer) then
+    else if (max(young_a/young_b, young_b/young_a) > clearly) then
       first = young_a < young_b
-    else if (max(a%diameter/b%diameter, b%diameter/a%diameter) > smaller) then
+    else if (max(a%diameter/b%diameter, b%diameter/a%diameter) > clearly) then
       first = a%diameter < b%diameter
     else
       first = .true.
@@ -148,8 +146,8 @@ contains
     integer :: i
     is_curved = .true.
     do i = 1, size(facet)
-      if (norm2(faces%normal(:, facet(i)) - faces%normal(:, facet(1))) > flat_angle) return
-      if (faces%half_angle(facet(i)) > flat_angle) return
+      if (norm2(faces%normal(:, facet(i)) - faces%normal(:, facet(1))) > same_place) return
+      if (faces%half_angle(facet(i)) > same_place) return
     end do
     is_curved = .false.
   end function is_curved

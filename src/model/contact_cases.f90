@@ -7,7 +7,8 @@ module dotyk_model_contact_cases
   use dotyk_base_options, only: analysis_axisymmetric, gap_constant, gap_formula, theta_formula, theta_mesh, &
     theta_relative
   use dotyk_base_text, only: matches, quoted, to_text
-  use dotyk_contact_pair, only: contact_pair_t, pair_settings_t
+  use dotyk_base_thresholds, only: same_place
+  use dotyk_contact_pair, only: pair_settings_t
   use dotyk_contact_pair_discretization, only: set_given_gap
   use dotyk_contact_pair_rows, only: row_gaps
   use dotyk_control_contact_problem, only: contact_problem_t
@@ -28,8 +29,6 @@ module dotyk_model_contact_cases
     real(dp), allocatable :: row_theta(:)  !! Penalty parameters of the rows (n_rows) [length/pressure].
     real(dp) :: theta = 0  !! Their mean [length/pressure].
   end type pair_conditions_t
-
-  real(dp), parameter :: same_gap = 1.0e-6_dp  !! Gaps that differ by less, by the largest gap, are the same.
 
 contains
 
@@ -169,7 +168,7 @@ contains
         call pair%average%multiply(pair%gap, pair%row_gap)
         call row_gaps(body_a%analysis == analysis_axisymmetric, problem%surface_a(k), pair, own)
         far = maxloc(abs(own - pair%row_gap), 1)
-        if (abs(own(far) - pair%row_gap(far)) > same_gap*maxval(abs(pair%gap))) then
+        if (abs(own(far) - pair%row_gap(far)) > same_place*maxval(abs(pair%gap))) then
           call set_error(error, '&contact_case: '//quoted(pair%name)//': the gap varies so much where faces are '// &
                          'covered in part that the rows made for the gap of &contact do not suit it (gap of a row '// &
                          to_text(pair%row_gap(far), 4)//', and '//to_text(own(far), 4)//' with rows of its own); '// &

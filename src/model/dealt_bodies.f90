@@ -23,10 +23,9 @@ module dotyk_model_dealt_bodies
   use dotyk_mesh_joints, only: joints_t
   use dotyk_mesh_mesh, only: mesh_selection_t, mesh_t
   use dotyk_mesh_placement, only: placement_t
-  use dotyk_model_body_parts, only: keep_surface
   use dotyk_model_body_setup, only: build_body, refuse_unused
   use dotyk_model_body_supports, only: load_names, support_names
-  use dotyk_model_body_surfaces, only: body_surfaces_t
+  use dotyk_model_body_surfaces, only: body_surfaces_t, keep_surface
   use dotyk_model_joints, only: describe_joints
   use dotyk_model_mesh_file, only: add_unions, meshing_of, read_mesh
   use dotyk_model_mesh_survey, only: mesh_survey_t

@@ -44,16 +44,14 @@ contains
     name = "body '"//case%body(b)%name//"'"
     if (n_bodies > 1) name = name//' and '//to_text(n_bodies - 1)//' more of the same mesh'
     if (allocated(joints%slit)) call add_remark(remarks, 'warning: '//name//': '//joints%slit)
-    if (allocated(joints%crack)) call add_remark(remarks, name//': cracked, as crack=.true. says: '// &
-                                                        joints%crack)
+    if (allocated(joints%crack)) call add_remark(remarks, name//': cracked, as crack=.true. says: '// joints%crack)
     if (joints%n_pieces == 1 .or. size(remarks) > most_lines) return
     if (joints%n_parts > 1) then
       text = name//': '//to_text(joints%n_parts)//' unconnected parts'
       if (joints%n_pieces > joints%n_parts) &
         text = text//' of '//to_text(joints%n_pieces)//' pieces; edges or corners alone join some, as hinges do'
     else
-      text = 'warning: '//name//': edges or corners alone join its '//to_text(joints%n_pieces)// &
-             ' pieces, as hinges do'
+      text = 'warning: '//name//': edges or corners alone join its '//to_text(joints%n_pieces)// ' pieces, as hinges do'
     end if
     if (size(remarks) == most_lines) text = 'further bodies consist of several parts'
     call add_remark(remarks, text)

@@ -27,7 +27,7 @@ module dotyk_model_materials
 
   !> Bulk over shear modulus from which on linear triangles, tetrahedra, prisms and pyramids lock: Poisson's ratio 0.45
   !> [].
-  real(dp), parameter, public :: linear_simplices_lock = 29.0_dp/3
+  real(dp), parameter :: linear_simplices_lock = 29.0_dp/3
 
 contains
 
@@ -61,8 +61,7 @@ contains
     call material_axes(given%axis_1, given%axis_2, axes, error)
     if (allocated(error)) return
     material%formulas%axes = axes
-    if (any(abs(given%expansion - given%expansion(1)) > 0)) &
-      material%expansion = rotate_strain(material%expansion, axes)
+    if (any(abs(given%expansion - given%expansion(1)) > 0)) material%expansion = rotate_strain(material%expansion, axes)
   end subroutine build_material
 
   !> Set constants that are numbers.

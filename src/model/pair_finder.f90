@@ -4,10 +4,10 @@ module dotyk_model_pair_finder
   use dotyk_base_error, only: error_t, exit_bad_input, problem_list_t
   use dotyk_base_kinds, only: dp
   use dotyk_base_text, only: join, quoted, text_t, to_text
+  use dotyk_base_thresholds, only: of_mesh
   use dotyk_contact_body_faces, only: body_faces_t
-  use dotyk_contact_facing_facets, only: search_distance
   use dotyk_contact_near_faces, only: find_near_faces
-  use dotyk_contact_near_facets, only: near_faces_t
+  use dotyk_contact_near_facets, only: near_faces_t, search_distance
   use dotyk_contact_pair_report, only: group_report_t, pair_report_t
   use dotyk_elasticity_body, only: body_t
   use dotyk_input_case, only: case_t, contact_input_t, cut_surface
@@ -15,7 +15,7 @@ module dotyk_model_pair_finder
   use dotyk_model_body_surfaces, only: body_surfaces_t
   use dotyk_model_boundary_patch, only: facet_graph_t, first_is_slave, grow_patch
   use dotyk_model_pair_list, only: are_tied, exclusion_of, exclusion_texts, merge_double_pairs, pair_list_t
-  use dotyk_model_unnamed_faces, only: list_distant_bodies, list_unnamed_faces, touching
+  use dotyk_model_unnamed_faces, only: list_distant_bodies, list_unnamed_faces
   implicit none
   private
   public :: form_pairs
@@ -109,7 +109,7 @@ contains
     if (allocated(error)) return
     if (size(body) > 1) then
       if (abs(searched) > 0) then
-        call find_near_faces(faces, 0.0_dp, near, named_bodies(), touching)
+        call find_near_faces(faces, 0.0_dp, near, named_bodies(), of_mesh)
         call inside%leave_out(near)
       end if
       call list_unnamed_faces(case, surfaces, faces, near, list, report%unnamed)
@@ -282,8 +282,7 @@ contains
           call find_patch(b, pack(near(i)%facet_b, near(i)%opposite), facet_b)
           call boundary_part(surfaces(a)%boundary, facet_a, patch_a)
           call boundary_part(surfaces(b)%boundary, facet_b, patch_b)
-          first = first_is_slave(faces(a), near(i)%facet_a, body(a)%young(), &
-                                 faces(b), near(i)%facet_b, body(b)%young())
+          first = first_is_slave(faces(a), near(i)%facet_a, body(a)%young(), faces(b), near(i)%facet_b, body(b)%young())
           ! Both halves of a body have one role on others, so that contact can go on across the cut.
           if (case%body(a)%cut%is_cut() .neqv. case%body(b)%cut%is_cut()) first = case%body(a)%cut%is_cut()
           ! Multipliers of a rigid body would be more than what yields.

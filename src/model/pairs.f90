@@ -9,8 +9,7 @@ module dotyk_model_pairs
   use dotyk_base_sort, only: sort_order
   use dotyk_base_text, only: quoted, to_text
   use dotyk_contact_met_points, only: met_point_t
-  use dotyk_contact_pair, only: contact_pair_t
-  use dotyk_contact_pair_exchange, only: share_pairs
+  use dotyk_contact_pair, only: contact_pair_t, share_pairs
   use dotyk_contact_pair_report, only: pair_report_t
   use dotyk_contact_smooth_sheets, only: split_sheets
   use dotyk_control_contact_problem, only: tied_surfaces_t

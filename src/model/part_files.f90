@@ -20,7 +20,6 @@ module dotyk_model_part_files
   use dotyk_elasticity_shortest_extent, only: shortest_extent
   use dotyk_input_case, only: case_t
   use dotyk_mesh_held_part, only: describe_whole
-  use dotyk_mesh_mesh, only: mesh_t
   use dotyk_mesh_mesh_cache, only: find_cache
   use dotyk_mesh_body_mesh, only: whole_body_t
   use dotyk_model_body_setup, only: build_bodies

@@ -52,8 +52,7 @@ contains
           end if
           if (.not. (is_found .or. allocated(error))) then
             if (len(known) == 0) known = ' none'
-            call set_error(error, 'quantity: '//shown(given%text)//' does not exist; there are:'//known, &
-                           exit_bad_input)
+            call set_error(error, 'quantity: '//shown(given%text)//' does not exist; there are:'//known, exit_bad_input)
           end if
         end if
         call add_context(error, case%file//':'//to_text(given%line)//': ')
@@ -134,8 +133,7 @@ contains
         known = known//' '//quoted(kind//place//axis)
         ! A rigid body has no reactions at nodes.
         if (body%constraint%rigid%is_set .or. .not. matches(given%surface, place)) cycle
-        if (.not. allocated(new%weight)) &
-          allocate (new%weight(body%dimension, body%mesh%n_nodes()), source=0.0_dp)
+        if (.not. allocated(new%weight)) allocate (new%weight(body%dimension, body%mesh%n_nodes()), source=0.0_dp)
         new%weight = new%weight + body%directions%weights(s, given%axis, body%mesh%n_nodes())
       end associate
     end do

@@ -5,9 +5,9 @@ module dotyk_model_ties
   use dotyk_base_options, only: analysis_axisymmetric
   use dotyk_base_rotation, only: rotation_matrix
   use dotyk_base_text, only: quoted, to_text
-  use dotyk_contact_matching_tie, only: discretize_matching_tie
+  use dotyk_base_thresholds, only: pi
   use dotyk_contact_pair, only: contact_pair_t, pair_settings_t
-  use dotyk_contact_tie, only: discretize_tie, facet_size
+  use dotyk_contact_tie, only: discretize_matching_tie, discretize_tie, facet_size
   use dotyk_control_contact_problem, only: tied_surfaces_t
   use dotyk_elasticity_body, only: body_t
   use dotyk_elasticity_recovery_patch, only: diagonalize
@@ -327,7 +327,7 @@ contains
       arm = -centre
       arm(:mesh%dimension) = arm(:mesh%dimension) + mesh%x(:, node(i))
       arm = matmul(arm, frame)
-      cylindrical(:, i) = [norm2(arm(:2)), arm(3), atan2(arm(2), arm(1))*180/acos(-1.0_dp)]
+      cylindrical(:, i) = [norm2(arm(:2)), arm(3), atan2(arm(2), arm(1))*180/pi]
     end do
   end function cylindrical
 
@@ -404,6 +404,6 @@ contains
     spread_of = [(total(i, i), i=1, d)]
     least = minloc(spread_of, dim=1)
     if (.not. spread_of(least) < clearly*minval(spread_of, mask=[(i /= least, i=1, d)])) return
-    angle = acos(min(1.0_dp, abs(dot_product(vectors(:, least), normal(:d)))))*180/acos(-1.0_dp)
+    angle = acos(min(1.0_dp, abs(dot_product(vectors(:, least), normal(:d)))))*180/pi
   end function angle_to_shank
 end module dotyk_model_ties

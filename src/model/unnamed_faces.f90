@@ -2,9 +2,9 @@
 !> And bodies in no pair that others come near, just beyond the search distance: the log says what distance finds them.
 module dotyk_model_unnamed_faces
   use dotyk_base_kinds, only: dp
+  use dotyk_base_thresholds, only: of_mesh, opposite_cosine
   use dotyk_contact_body_faces, only: body_faces_t
-  use dotyk_contact_facing_facets, only: search_distance
-  use dotyk_contact_near_facets, only: find_facets, near_faces_t
+  use dotyk_contact_near_facets, only: find_facets, near_faces_t, search_distance
   use dotyk_contact_pair_report, only: distant_body_t, unnamed_faces_t
   use dotyk_input_case, only: case_t
   use dotyk_model_body_surfaces, only: body_surfaces_t
@@ -12,13 +12,6 @@ module dotyk_model_unnamed_faces
   implicit none
   private
   public :: list_unnamed_faces, list_distant_bodies
-
-  !> Where other faces of two bodies are in a pair, faces count up to this distance, as a fraction of the diameter
-  !> of the smaller body: those who name a part of a curved face mean to leave the rest out [].
-  real(dp), parameter, public :: touching = 1.0e-3_dp
-  !> There, they count where the cosine of the angle between their mean normals is below this: of faces that touch, some
-  !> facets are nearly opposite each other; flanks of curved facets are not, by 60 degrees [].
-  real(dp), parameter :: facing = -0.5_dp
 
   real(dp), parameter :: beyond = 3  !! Bodies up to this many search distances away count [].
 
@@ -41,7 +34,7 @@ contains
         open = near(i)%opposite
         k = list%between(a, b, 0)
         if (k > 0) then
-          open = open .and. abs(near(i)%distance) <= touching*min(faces(a)%diameter, faces(b)%diameter)
+          open = open .and. abs(near(i)%distance) <= of_mesh*min(faces(a)%diameter, faces(b)%diameter)
           call leave_flanks(faces(a), faces(b), near(i), open)
           if (any(open)) call leave_pairs(surfaces, near(i), list, open)
         end if
@@ -75,7 +68,7 @@ contains
     integer :: i
     do i = 1, size(counts)
       if (.not. counts(i)) cycle
-      counts(i) = dot_product(a%normal(:, near%facet_a(i)), b%normal(:, near%facet_b(i))) < facing
+      counts(i) = dot_product(a%normal(:, near%facet_a(i)), b%normal(:, near%facet_b(i))) < opposite_cosine
     end do
   end subroutine leave_flanks
 

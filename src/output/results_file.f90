@@ -10,11 +10,11 @@ module dotyk_output_results_file
     field_stress
   use dotyk_mesh_body_mesh, only: body_mesh_t
   use dotyk_mesh_element, only: element_kind, element_kind_t
-  use dotyk_output_file_system, only: check_writable, replace_file, temporary_name
+  use dotyk_output_file_system, only: replace_file, temporary_name
   use dotyk_output_hdf5, only: hdf5_file_t, hdf5_int32, hdf5_int64, hdf5_real, hdf5_uint8, with_three_components
   implicit none
   private
-  public :: check_writable, connectivity_length, contact_group
+  public :: connectivity_length, contact_group
 
   !> A results file being written. Groups are relative to `/dotyk`, or to that of a load case: '', 'summary', 'timing',
   !> 'history', contact_group(name). The first failure is reported by `commit`.

@@ -24,6 +24,11 @@ module dotyk_ranks_division
     procedure :: append => division_append
   end type division_t
 
+  !> From this number of facets or nodes of two bodies on, ranks divide a search between them: below, the exchanges take
+  !> as long.
+  real(dp), parameter, public :: least_divided = 1000
+  !> Work for a facet or node far from the other surface, relative to that for a near one [].
+  real(dp), parameter, public :: distant_cost = 0.02_dp
   integer, parameter :: portions = 4  !! Items with less than this part of the work of a rank are dealt out whole.
 
   public :: deal_out

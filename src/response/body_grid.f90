@@ -5,15 +5,14 @@
 !> zero along held components.
 module dotyk_response_body_grid
   use dotyk_base_kinds, only: dp, sp
-  use dotyk_base_thresholds, only: golden
+  use dotyk_base_thresholds, only: golden, rough
   use dotyk_elasticity_constraint, only: constraint_t
   use dotyk_elasticity_corner_space, only: corner_space_t
   use dotyk_linalg_chebyshev, only: chebyshev_t
   use dotyk_linalg_conjugate_gradient, only: cg_outcome_t, conjugate_gradient, preconditioned_system_t
   use dotyk_linalg_fixed_sum, only: remove_components, scalar_product
   use dotyk_linalg_sparse, only: sparse_rows_t, sparse_symmetric_t
-  use dotyk_response_aggregate_space, only: aggregate_space_t
-  use dotyk_response_free_unknowns, only: to_equations, to_unknowns
+  use dotyk_response_aggregate_space, only: aggregate_space_t, to_equations, to_unknowns
   implicit none
   private
 
@@ -105,8 +104,6 @@ module dotyk_response_body_grid
   !> Share of a start without order along an eigenvector, as a fraction of that of the mean one: one in a hundred has
   !> less [].
   real(dp), parameter :: least_share = 0.01_dp
-  !> Reduction of the residual, as a fraction of the share, that makes sure of the least eigenvalue [].
-  real(dp), parameter :: small_of_share = 1.0e-2_dp
   integer, parameter :: most_steps = 400  !! Iterations at most.
   real(dp), parameter :: silver = 0.4142135623730951_dp  !! Fractions of its multiples have no order.
 
@@ -180,7 +177,7 @@ contains
     call remove_components(self%n, self%mode, x)
     b(:) = b + x/self%force_norm(x)
     call remove_components(self%n, self%mode, b)
-    call conjugate_gradient(self, b, x, small_of_share*share_of_start(self), most_steps, outcome)
+    call conjugate_gradient(self, b, x, rough*share_of_start(self), most_steps, outcome)
     call self%take_spectrum(outcome)
   end subroutine grid_measure_spectrum
 

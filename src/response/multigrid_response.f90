@@ -5,6 +5,7 @@
 module dotyk_response_multigrid_response
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp, int64
+  use dotyk_base_thresholds, only: rough
   use dotyk_elasticity_body, only: body_t, stiffness_t
   use dotyk_elasticity_body_modes, only: body_modes_t
   use dotyk_linalg_conjugate_gradient, only: cg_outcome_t, conjugate_gradient
@@ -48,14 +49,14 @@ module dotyk_response_multigrid_response
   end type multigrid_response_t
 
   !> Reduction of the residual of a solve: a few digits below the tolerances that users ask for [].
-  real(dp), parameter :: accuracy = 1.0e-10_dp
-  real(dp), parameter :: rough = 1.0e-2_dp  !! The same of a start that is improved on [].
+  real(dp), parameter, public :: accuracy = 1.0e-10_dp
   !> Iterations of a solve at most. Where the p-multigrid works, a tenth of them suffices.
   integer, parameter :: most_steps = 200
   !> Iterations that measure Ritz values at most before a body is solved: those of a solve that takes up to 100.
   integer, parameter :: trial_steps = 45
   real(dp), parameter :: usual_reduction = 1.0e-8_dp  !! Reduction of the residual of a solve of `expected_steps`.
-  real(dp), parameter :: near = 0.05_dp  !! Residual of a start that is kept, as a fraction of the right-hand side [].
+  !> Residual of a start that is kept, as a fraction of the right-hand side [].
+  real(dp), parameter, public :: near = 0.05_dp
   !> Operations of a solve, as a multiple of the entries of the block rows.
   integer, parameter :: products_of_solve = 80
   integer, parameter :: bytes_of_rows = 730  !! Block rows of tet10 [bytes/unknown].

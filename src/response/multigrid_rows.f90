@@ -6,6 +6,7 @@
 !> that K <= D; the rows on the corner space, `B P`; and `B R`.
 module dotyk_response_multigrid_rows
   use dotyk_base_kinds, only: dp, sp
+  use dotyk_base_thresholds, only: rounding
   use dotyk_linalg_sparse, only: same_rows, sparse_rows_t
   use dotyk_response_body_grid, only: body_grid_t
   use dotyk_response_contact_map, only: contact_map_t
@@ -29,10 +30,6 @@ module dotyk_response_multigrid_rows
     procedure :: subtract_force => rows_subtract_force
     procedure :: subtract_force_low => rows_subtract_force_low
   end type multigrid_rows_t
-
-  !> Entries of B P that differ by less, relative to the largest of their row, differ by rounding, as do sums from zero,
-  !> relative to their terms.
-  real(dp), parameter :: same_entry = 1.0e-12_dp
 
 contains
 
@@ -101,7 +98,7 @@ contains
     call matrix%multiply(x, y)
     do i = 1, matrix%n_rows
       associate (first => matrix%row_start(i), last => matrix%row_start(i + 1) - 1)
-        if (abs(y(i)) <= same_entry*sum(abs(matrix%value(first:last)*x(matrix%column(first:last))))) y(i) = 0
+        if (abs(y(i)) <= rounding*sum(abs(matrix%value(first:last)*x(matrix%column(first:last))))) y(i) = 0
       end associate
     end do
   end subroutine multiply_exactly
@@ -110,7 +107,7 @@ contains
   pure logical function rows_is_like(self, other) result(is_like)
     class(multigrid_rows_t), intent(in) :: self
     type(multigrid_rows_t), intent(in) :: other  !! The rows of the other body.
-    is_like = same_rows(self%corner, other%corner, same_entry)
+    is_like = same_rows(self%corner, other%corner, rounding)
   end function rows_is_like
 
   !> The unknown of the system of each equation.

@@ -3,20 +3,33 @@
 !>
 !> The smallest pivot, relative to the diagonal entry of its equation, is known at no cost, and the condition number is
 !> at least its inverse. Only where it is small are the lowest eigenmodes of the scaled stiffness computed: they give
-!> the condition, and tell whether a few near-null-space modes are the only cause (`dotyk_response_near_null_modes`).
+!> the condition, and tell whether a few near-null-space modes are the only cause.
+!>
+!> The stiffness of a body on a weak support holds the stiffness of its near-null-space modes, nearly rigid as a rule,
+!> as the difference of large numbers. Springs at as many equations E as there are such modes make it
+!> `K_s = K + E s E^T`, as for floating bodies. With the solutions Z of `K_s Z = E s`, which are the modes, and their
+!> own stiffness S,
+!>
+!>     K^{-1} = K_s^{-1} + Z S^{-1} Z^T,    S = (E^T Z)^{-T} Z^T K Z,
+!>
+!> exactly. K_s is well conditioned, and S is stationary in Z, so that it is as accurate as the energy `Z^T K Z`, which
+!> is computed from the elements (`body_force`). For the schemes Z are rigid body modes with
+!> springs S.
 module dotyk_response_stiffness_factor
   use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
-  use dotyk_base_error, only: error_t, set_error, exit_not_solvable
-  use dotyk_base_kinds, only: dp
+  use dotyk_base_error, only: error_t, exit_not_solvable, set_error
+  use dotyk_base_kinds, only: dp, qp
   use dotyk_base_text, only: to_text
   use dotyk_elasticity_body, only: assemble_stiffness, body_t, stiffness_t, strain_energy
   use dotyk_elasticity_conditioning_diagnosis, only: diagnose_conditioning
+  use dotyk_elasticity_internal_force, only: body_force
   use dotyk_linalg_cholesky, only: cholesky_t
+  use dotyk_linalg_dense, only: right_singular_vectors, solve_dense
   use dotyk_linalg_spectrum, only: scaled_norm, smallest_eigenpairs
   use dotyk_linalg_springs, only: add_springs, choose_fixing_equations
-  use dotyk_response_near_null_modes, only: count_near_null, find_near_null
   implicit none
   private
+  public :: factorize_stiffness, separate_by_contact
 
   !> A displacement with less than this part of the energy that its nodes would have one by one, all others at rest,
   !> strains nothing. Elements know it to the square of round-off: mechanisms have 1e-25 and less, a bar 1000 times
@@ -39,8 +52,6 @@ module dotyk_response_stiffness_factor
     integer :: n_near_null = 0  !! Number of near-null-space modes.
   end type factorization_report_t
 
-  public :: factorize_stiffness
-
   !> A pivot below this fraction of its diagonal entry may be round-off. (Thin bodies have small ones too, and round-off
   !> leaves 1e-16 to 1e-13: the energy of the displacement that belongs to it decides.)
   real(dp), parameter :: suspicious_pivot = 1.0e-8_dp
@@ -48,6 +59,11 @@ module dotyk_response_stiffness_factor
   !> their thickness.
   real(dp), parameter :: small_pivot = 1.0e-4_dp
   integer, parameter :: n_eigenmodes = 8  !! Number of eigenmodes: six rigid body modes, and what comes after them.
+  !> Eigenvalues of the scaled stiffness above this do not cost noticeable accuracy.
+  real(dp), parameter :: largest_eigenvalue = 1.0e-4_dp
+  !> A near-null space has eigenvalues below all others by this factor; the spectrum of a thin body has no such gap.
+  real(dp), parameter :: least_gap = 100
+  integer, parameter :: refinement_steps = 2  !! Steps of iterative refinement of the modes.
 
 contains
 
@@ -185,4 +201,92 @@ contains
     is_mechanism = .not. 2*strain_energy(body, u) + sum(spring*(x(fixed)/most)**2) > &
                    least_energy*sum(diagonal*(x/most)**2)
   end function is_mechanism
+
+  !> Dimension of the near-null space.
+  pure integer function count_near_null(values) result(n)
+    !> The least eigenvalues of the scaled stiffness, ascending, more than the near-null space has (number of them) [].
+    real(dp), intent(in) :: values(:)
+    integer :: k
+    real(dp) :: widest
+    n = 0
+    widest = least_gap
+    do k = 1, size(values) - 1
+      if (.not. (values(k) < largest_eigenvalue .and. values(k) > 0)) cycle
+      if (.not. values(k + 1) > widest*values(k)) cycle
+      widest = values(k + 1)/values(k)
+      n = k
+    end do
+  end function count_near_null
+
+  !> The modes and their stiffness.
+  subroutine find_near_null(body, factor, fixed, spring, mode, stiffness, error)
+    type(body_t), intent(in) :: body  !! Assembled.
+    type(cholesky_t), intent(in) :: factor  !! Factor of K_s.
+    integer, intent(in) :: fixed(:)  !! Equations with springs E (n).
+    real(dp), intent(in) :: spring(:)  !! The springs s (n) [force/length].
+    real(dp), allocatable, intent(out) :: mode(:, :)  !! Z (n_equations, n) [].
+    real(dp), allocatable, intent(out) :: stiffness(:, :)  !! S (n, n) [force/length].
+    !> Allocated where a formula of the material cannot be evaluated, or the modes are linearly dependent at the
+    !> springs.
+    type(error_t), allocatable, intent(out) :: error
+    real(dp), allocatable :: u(:, :, :), force(:, :), at_springs(:, :), residual(:)
+    real(dp) :: energy
+    integer :: j, k, n, step
+    n = size(fixed)
+    allocate (mode(body%constraint%n_equations, n), stiffness(n, n), source=0.0_dp)
+    do k = 1, n
+      mode(fixed(k), k) = spring(k)
+    end do
+    call factor%solve_block(mode)
+    allocate (u(body%dimension, body%mesh%n_nodes(), n), force(body%dimension, body%mesh%n_nodes()))
+    allocate (residual(size(mode, 1)))
+    do k = 1, n
+      call body%constraint%expand(mode(:, k), u(:, :, k), .false.)
+      ! Self-equilibrated loads must not excite the modes through the rounding errors of Z.
+      do step = 1, refinement_steps
+        call body_force(body, real(u(:, :, k), qp), force, energy, error)
+        if (allocated(error)) return
+        call body%constraint%reduce(-force, residual)
+        residual(fixed(k)) = residual(fixed(k)) + spring(k)
+        residual(fixed) = residual(fixed) - spring*mode(fixed, k)
+        call factor%solve(residual)
+        mode(:, k) = mode(:, k) + residual
+        call body%constraint%expand(mode(:, k), u(:, :, k), .false.)
+      end do
+    end do
+    do k = 1, n
+      call body_force(body, real(u(:, :, k), qp), force, energy, error)
+      if (allocated(error)) return
+      do j = 1, n
+        stiffness(j, k) = sum(u(:, :, j)*force)
+      end do
+    end do
+    at_springs = transpose(mode(fixed, :))
+    call solve_dense(at_springs, stiffness, error)
+    stiffness = (stiffness + transpose(stiffness))/2
+  end subroutine find_near_null
+
+  !> Recombine the modes so that those which move contact rows and those which do not are separate: rounding errors of
+  !> large contact forces must not excite the latter.
+  subroutine separate_by_contact(at_rows, mode, stiffness, error)
+    real(dp), intent(in) :: at_rows(:, :)  !! The modes at the contact rows, B Z (n_rows, n) [].
+    real(dp), intent(inout) :: mode(:, :)  !! Z (n_equations, n) [].
+    real(dp), intent(inout) :: stiffness(:, :)  !! S (n, n) [force/length].
+    !> Allocated where an entry at the rows is not finite, or LAPACK's singular value decomposition does not converge.
+    type(error_t), allocatable, intent(out) :: error
+    real(dp) :: values(size(mode, 2)), vectors(size(mode, 2), size(mode, 2)), scaled(size(at_rows, 1), size(mode, 2))
+    integer :: k
+    do k = 1, size(mode, 2)
+      values(k) = maxval(abs(mode(:, k)))
+      mode(:, k) = mode(:, k)/values(k)
+      scaled(:, k) = at_rows(:, k)/values(k)
+    end do
+    do k = 1, size(mode, 2)
+      stiffness(:, k) = stiffness(:, k)/values/values(k)
+    end do
+    call right_singular_vectors(scaled, values, vectors, error)
+    if (allocated(error)) return
+    mode = matmul(mode, vectors)
+    stiffness = matmul(transpose(vectors), matmul(stiffness, vectors))
+  end subroutine separate_by_contact
 end module dotyk_response_stiffness_factor

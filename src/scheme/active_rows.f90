@@ -11,7 +11,7 @@ module dotyk_scheme_active_rows
   use dotyk_linalg_sparse, only: sparse_rows_t, sparse_symmetric_t
   use dotyk_scheme_body_grids, only: body_grids_t
   use dotyk_scheme_coarse_space, only: mode_block_t
-  use dotyk_scheme_mode_factor, only: mode_factor_t
+  use dotyk_scheme_proximal_system, only: mode_factor_t
   implicit none
   private
 

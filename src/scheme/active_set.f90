@@ -5,10 +5,13 @@
 !> body modes; rows in tension leave the active set, and penetrating rows enter it (Hueber, Wohlmuth 2005). Springs
 !> (`dotyk_scheme_proximal_motion`) carry a floating body that the active rows cannot carry.
 !> Should active sets cycle, the interior-point method (`dotyk_scheme_interior_point`) finds one next to the solution.
-!> From there a set that is no nearer to a solution than one before changes by its last row alone: such steps do not
+!> From there sets that come no nearer to a solution for a few steps change by their last row alone: such steps do not
 !> cycle (J. J. Judice and F. M. Pires, Comput. Oper. Res. 21, 1994). Rows of ties are always active.
 !> Should there be too many of them, by rows whose gaps and forces nearly vanish, the interior point is the solution,
 !> and its bound says how accurate it is.
+!>
+!> Working sets are the rows that may be active, enough of them to carry floating bodies, and those that turn out to be
+!> violated.
 module dotyk_scheme_active_set
   use dotyk_base_error, only: error_t
   use dotyk_base_interrupt, only: interrupted
@@ -18,31 +21,44 @@ module dotyk_scheme_active_set
   use dotyk_base_timer, only: wall_time
   use dotyk_scheme_active_system, only: active_system_t
   use dotyk_scheme_bounds, only: duality_gap
-  use dotyk_scheme_compliance, only: compliance_t
+  use dotyk_scheme_compliance, only: compliance_t, drop_rigid_constraints
   use dotyk_scheme_contact_qp, only: contact_qp_t
   use dotyk_scheme_interior_point, only: interior_point_method
+  use dotyk_scheme_linear_solver_choice, only: is_heap
   use dotyk_scheme_monitor, only: monitor_t
-  use dotyk_scheme_rigid_constraints, only: drop_rigid_constraints
+  use dotyk_scheme_restriction, only: restrict_qp
   use dotyk_scheme_solver_state, only: solver_state_t, ended_converged, ended_cycling, ended_interrupted, ended_limit, &
     ended_rigid_constraint
-  use dotyk_scheme_winkler_start, only: winkler_equilibrium
+  use dotyk_scheme_winkler_start, only: find_unbounded_direction, winkler_equilibrium
   implicit none
   private
+  public :: find_active_set, foundation_stiffness, rest_on_winkler_foundation, update_penetrations, reference_norm, &
+    is_balanced, add_violated, is_worth_screening, keep_what_carries, screen_rows
 
   type, public :: iterate_t  !! An iterate of the dual scheme.
     !> Forces (n_rows) [force], penetrations (n_rows) [length], amplitudes (coarse%n) [length].
     real(dp), allocatable :: lambda(:), penetration(:), alpha(:)
   end type iterate_t
 
-  public :: find_active_set, foundation_stiffness, rest_on_winkler_foundation, update_penetrations, reference_norm, &
-    is_balanced
 
   !> Active sets after which the interior-point method finds a better one: Newton's method needs less than ten, or
   !> cycles.
   integer, parameter :: most_first_steps = 9
   integer, parameter :: most_last_steps = 60  !! Active sets after that at most.
+  integer, parameter :: most_stalled = 3  !! Active sets that come no nearer, before they change by one row.
   !> Active sets at most that rows without force, added to a solution, take until it is one again.
   integer, parameter :: most_join_steps = 4
+  !> How often rows enter a working set that stop an otherwise unbounded direction; then all rows do.
+  integer, parameter :: most_widenings = 10
+  !> Rows enter it that this direction closes by more than this fraction of the most.
+  real(dp), parameter :: closing = 1.0e-3_dp
+  !> A fraction of all rows that is not worth screening: to look at them in the end takes a solve. Few rows are not
+  !> worth it at all.
+  real(dp), parameter :: not_worth_screening = 0.2_dp
+  integer, parameter :: few_rows = 60
+  !> Rows enter with the violated ones whose gaps are smaller than this multiple of the largest violation: the next
+  !> solution closes gaps by about as much.
+  real(dp), parameter, public :: near_violation = 4
 
 contains
 
@@ -72,7 +88,7 @@ contains
     logical, allocatable :: inside_active(:), unjoined_active(:)
     real(dp), allocatable :: change(:), yields(:)
     real(dp) :: begin, length, largest_force, largest_gap
-    integer :: k, last_k, steps, place, fewest
+    integer :: k, last_k, steps, place, fewest, n_stalled
 
     begin = wall_time()
     allocate (change(size(active)))
@@ -84,6 +100,7 @@ contains
     is_shared = .false.
     last_k = max_iterations
     fewest = huge(fewest)
+    n_stalled = 0
     do k = 1, max_iterations
       if (interrupted() .or. k > last_k) exit
       cycles = .not. (tried .or. joined) .and. (k == most_first_steps .or. is_not_decreasing(changes(:k - 1)))
@@ -91,6 +108,7 @@ contains
       if (cycles) then
         call monitor%finish()
         tried = .true.
+        fewest = huge(fewest)
         last_k = min(max_iterations, k + most_last_steps)
         call interior_point_method(with_springs, compliance, system, 1/foundation_stiffness(with_springs), &
                                    .not. is_rigid, now%lambda, now%alpha, active, steps, error)
@@ -155,11 +173,12 @@ contains
         unjoined_active = active
         last_k = min(last_k, k + most_join_steps)
       end if
-      if (tried .and. .not. joined .and. changes(k) >= fewest) then
+      n_stalled = merge(0, n_stalled + 1, changes(k) < fewest)
+      fewest = min(fewest, changes(k))
+      if (tried .and. .not. joined .and. n_stalled > most_stalled) then
         place = findloc(next .neqv. active, .true., 1, back=.true.)
         active(place) = next(place)
       else
-        if (tried) fewest = changes(k)
         active = next
       end if
     end do
@@ -305,4 +324,53 @@ contains
                              max(0.0_dp, maxval(now%penetration, mask=.not. qp%is_tied)), &
                            n_active)
   end subroutine add_to_history
+
+  !> The first working set: rows that are active where the bodies are rigid on a Winkler foundation, or nearly so.
+  subroutine screen_rows(qp, working)
+    type(contact_qp_t), intent(in) :: qp  !! Contact rows, initial penetrations, rigid body modes.
+    logical, allocatable, intent(out) :: working(:)  !! Working set (n_rows).
+    type(iterate_t) :: now
+    allocate (working(qp%n_rows), source=.true.)
+    if (all(qp%is_tied) .or. is_heap(qp)) return
+    call rest_on_winkler_foundation(qp, now, working)
+    ! Floating bodies sink in more than the foundation tells, or tilt. Faces that just touch are near, too.
+    if (qp%coarse%n > 0) working = now%penetration > -maxval(now%penetration, mask=.not. qp%is_tied)
+    working = working .or. abs(now%penetration) <= rounding*maxval(abs(now%penetration)) .or. qp%is_tied
+  end subroutine screen_rows
+
+  !> Whether so many rows are outside of a working set that a solution without them is worth looking at these again.
+  pure logical function is_worth_screening(working)
+    logical, intent(in) :: working(:)  !! Working set (n_rows).
+    is_worth_screening = size(working) >= few_rows .and. count(.not. working) >= not_worth_screening*size(working)
+  end function is_worth_screening
+
+  !> Add rows that are violated to a working set, and those that the next solution may close.
+  pure subroutine add_violated(penetration, violated, working)
+    real(dp), intent(in) :: penetration(:)  !! B u - d (n_rows) [length].
+    logical, intent(in) :: violated(:)  !! Rows of which the greatest penetration counts (n_rows).
+    logical, intent(inout) :: working(:)  !! Working set (n_rows).
+    working = working .or. penetration > -near_violation*maxval([0.0_dp, pack(penetration, violated)])
+  end subroutine add_violated
+
+  !> Add rows to a working set that cannot carry the floating bodies.
+  subroutine keep_what_carries(qp, working)
+    type(contact_qp_t), intent(in) :: qp  !! Contact rows, initial penetrations, rigid body modes.
+    logical, intent(inout) :: working(:)  !! Working set (n_rows).
+    type(contact_qp_t) :: part
+    real(dp), allocatable :: motion(:), penetration(:)
+    logical :: found
+    integer :: k
+    allocate (motion(qp%coarse%n), penetration(size(working)))
+    do k = 1, most_widenings
+      call restrict_qp(qp, working, part)
+      call find_unbounded_direction(part, motion, found)
+      if (.not. found) return
+      ! Rows that the motion closes.
+      call qp%mode_displacement(motion, penetration)
+      if (.not. any(penetration > 0 .and. .not. working)) exit
+      working = working .or. penetration > closing*maxval(penetration, mask=.not. qp%is_tied)
+      if (all(working)) return
+    end do
+    working = .true.
+  end subroutine keep_what_carries
 end module dotyk_scheme_active_set

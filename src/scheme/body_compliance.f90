@@ -4,7 +4,7 @@
 !> A product without entries solves every body once, side by side, congruent bodies in batches
 !> (`dotyk_scheme_congruent_products`). Entries are formed when a scheme asks for them, many rows at a time
 !> (`dotyk_scheme_entry_forming`). Congruent bodies have one operator; those that touch in the same way have one matrix
-!> (`dotyk_scheme_congruent_rows`).
+!> (`dotyk_scheme_entry_forming`).
 module dotyk_scheme_body_compliance
   use dotyk_base_kinds, only: dp
   use dotyk_ranks_exchange, only: is_own, share

@@ -4,7 +4,7 @@
 !> in their order: sums do not depend on the number of threads.
 !>
 !> A body that is larger than its share of the machine is worked on by all threads, bodies that are smaller side by
-!> side, one thread each (`dotyk_scheme_body_groups`): a loop over the former, then one in parallel over the latter.
+!> side, one thread each (`dotyk_scheme_grid_body`): a loop over the former, then one in parallel over the latter.
 module dotyk_scheme_body_grids
   use omp_lib, only: omp_get_max_threads
   use dotyk_base_error, only: error_t
@@ -12,9 +12,8 @@ module dotyk_scheme_body_grids
   use dotyk_contact_operator, only: contact_block_t
   use dotyk_linalg_fixed_sum, only: add_multiple, scalar_product
   use dotyk_response_multigrid, only: least_shared
-  use dotyk_scheme_body_groups, only: body_groups_t
   use dotyk_scheme_corner_group, only: corner_group_t
-  use dotyk_scheme_grid_body, only: body_vector_t, grid_body_t, grid_pointer_t, scatter_rows
+  use dotyk_scheme_grid_body, only: body_groups_t, body_vector_t, grid_body_t, grid_pointer_t, scatter_rows
   use dotyk_scheme_proximal_system, only: proximal_system_t
   implicit none
   private

@@ -4,9 +4,8 @@ module dotyk_scheme_closed_ties
   use dotyk_base_kinds, only: dp
   use dotyk_base_thresholds, only: half_digits, rounding
   use dotyk_scheme_active_system, only: active_system_t
-  use dotyk_scheme_compliance, only: compliance_t
+  use dotyk_scheme_compliance, only: compliance_t, drop_rigid_constraints
   use dotyk_scheme_contact_qp, only: contact_qp_t
-  use dotyk_scheme_rigid_constraints, only: drop_rigid_constraints
   use dotyk_scheme_solver_state, only: solver_state_t, ended_open_tie, ended_rigid_constraint
   implicit none
   private
@@ -84,8 +83,7 @@ contains
     none = 0
     call find_gaps(qp%initial_penetration, none, y, terms)
     ! Rounding is no overlap: slender bodies move far by the forces of ties, and back by those of others.
-    if (.not. any(is_held .and. y > max(rounding*terms, &
-                                        half_digits*maxval(abs(qp%initial_penetration))))) return
+    if (.not. any(is_held .and. y > max(rounding*terms, half_digits*maxval(abs(qp%initial_penetration))))) return
     i = maxloc(y, 1, is_held)
     state%ended = ended_rigid_constraint
     state%rigid_row = qp%parent_row(i)

@@ -284,8 +284,7 @@ contains
                                               self%half(group%first, 1), n, 0.0_dp, h, n_columns)
         do k = 1, size(group%body)
           do l = 1, k
-            call self%network%add(group%body(k), group%body(l), &
-                                  h(start(k):start(k + 1) - 1, start(l):start(l + 1) - 1))
+            call self%network%add(group%body(k), group%body(l), h(start(k):start(k + 1) - 1, start(l):start(l + 1) - 1))
           end do
         end do
         deallocate (h)

@@ -265,8 +265,7 @@ contains
       do i = 1, size(self%group(g)%body)
         associate (b => self%group(g)%body(i))
           associate (grid => self%grid(self%body(b)%representative)%p)
-            call grid%interpolation%prolong(grid%constraint, coarse(b)%value, &
-                                            x(self%first(b) + 1:self%first(b + 1)))
+            call grid%interpolation%prolong(grid%constraint, coarse(b)%value, x(self%first(b) + 1:self%first(b + 1)))
           end associate
         end associate
       end do

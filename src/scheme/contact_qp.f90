@@ -1,6 +1,6 @@
 !> The contact problem as a quadratic programme: the unilateral (Signorini) problem of discretized bodies. Nothing
 !> writes to it but the next load case (`set_loads`); the correction of ill-conditioned bodies shifts the initial
-!> penetration of a copy (`dotyk_control_displacements`).
+!> penetration of a copy (`dotyk_control_contact_solution`).
 !>
 !> In the displacements it is `min u^T K u/2 - f^T u + penalty` subject to the contact rows `B u - d <= 0`: equation
 !> (12) on the set K of equation (11), or equation (19) with the penalty of equation (18). In the Lagrange multipliers,

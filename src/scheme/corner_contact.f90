@@ -179,8 +179,7 @@ contains
     call solve_corners(self, f, lambda, coarse)
     do b = 1, size(self%body)
       associate (grid => self%grid(self%body(b)%representative)%p)
-        call grid%interpolation%prolong(grid%constraint, coarse(b)%value, &
-                                u(self%first(b) + 1:self%first(b + 1)))
+        call grid%interpolation%prolong(grid%constraint, coarse(b)%value, u(self%first(b) + 1:self%first(b + 1)))
       end associate
     end do
     call self%add_modes(alpha, u)

@@ -14,8 +14,7 @@ module dotyk_scheme_corner_group
   use dotyk_linalg_sparse, only: sparse_rows_t, sparse_symmetric_t
   use dotyk_linalg_springs, only: add_springs, choose_fixing_equations
   use dotyk_response_corner_compliance, only: form_corner_compliance
-  use dotyk_response_direct, only: direct_response_t
-  use dotyk_response_mode_projection, only: remove_modes
+  use dotyk_response_direct, only: direct_response_t, remove_modes
   use dotyk_response_multigrid, only: least_shared
   use dotyk_scheme_coarse_space, only: mode_block_t
   use dotyk_scheme_gap_closing, only: find_neighbours

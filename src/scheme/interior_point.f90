@@ -11,7 +11,7 @@ module dotyk_scheme_interior_point
   use dotyk_base_error, only: error_t
   use dotyk_base_interrupt, only: interrupted
   use dotyk_base_kinds, only: dp
-  use dotyk_base_thresholds, only: half_digits, sum_rounding
+  use dotyk_base_thresholds, only: half_digits, rough, sum_rounding
   use dotyk_scheme_active_system, only: active_system_t
   use dotyk_scheme_compliance, only: compliance_t
   use dotyk_scheme_contact_qp, only: contact_qp_t
@@ -33,8 +33,6 @@ module dotyk_scheme_interior_point
   integer, parameter :: most_steps = 200  !! Linear systems at most.
   !> The first iterate is shifted inside by this multiple of the largest violation (Mehrotra).
   real(dp), parameter :: shift = 1.5_dp
-  !> What solutions by iteration may leave of a step, in the energy norm: the step after that corrects it.
-  real(dp), parameter :: step_reduction = 0.01_dp
   !> Fraction of the distance to the boundary that a step goes.
   real(dp), parameter :: fraction_to_boundary = 0.995_dp
   !> Centring parameter at least (Mehrotra's cubic rule gives 0 where the predictor reaches the solution).
@@ -70,7 +68,7 @@ contains
     ! Complementarity products are proportional to the weights.
     fraction = merge(0.0_dp, qp%weight(row), qp%is_tied(row))
     fraction = fraction/max(tiny(1.0_dp), sum(fraction))
-    system%step_reduction = step_reduction
+    system%step_reduction = rough
     call find_start(qp, compliance, system, usable, row, foundation(row), fraction, now, error)
     if (.not. allocated(error)) call follow_path(qp, compliance, system, usable, row, fraction, now, steps, error)
     system%step_reduction = 0

@@ -7,13 +7,12 @@ module dotyk_scheme_linearized_contact
   use dotyk_base_kinds, only: dp
   use dotyk_scheme_active_set, only: foundation_stiffness
   use dotyk_scheme_active_system, only: active_system_t
-  use dotyk_scheme_compliance, only: compliance_t
+  use dotyk_scheme_compliance, only: compliance_t, drop_rigid_constraints
   use dotyk_scheme_contact_qp, only: contact_qp_t
   use dotyk_scheme_dense_compliance, only: dense_compliance_t
   use dotyk_scheme_linear_solver_choice, only: choose_coupling
   use dotyk_scheme_proximal_motion, only: proximal_motion_t
   use dotyk_scheme_restriction, only: form_entries, restrict_qp, transformed_qp_t
-  use dotyk_scheme_rigid_constraints, only: drop_rigid_constraints
   implicit none
   private
   public :: solve_linearized

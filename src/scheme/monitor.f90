@@ -2,7 +2,7 @@
 !> extensions.
 module dotyk_scheme_monitor
   use dotyk_base_kinds, only: dp
-  use dotyk_scheme_history, only: history_t
+  use dotyk_scheme_solver_state, only: history_t
   implicit none
   private
 

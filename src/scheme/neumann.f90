@@ -13,11 +13,10 @@ module dotyk_scheme_neumann
   use dotyk_scheme_compliance, only: compliance_t
   use dotyk_scheme_contact_qp, only: contact_qp_t
   use dotyk_scheme_monitor, only: monitor_t
-  use dotyk_scheme_relaxation, only: choose_relaxation, estimate_lambda_max
+  use dotyk_scheme_relaxation, only: announce_relaxation, choose_relaxation, estimate_lambda_max
   use dotyk_scheme_scheme, only: scheme_t
   use dotyk_scheme_solver_state, only: paused_t, solver_state_t, ended_converged, ended_time
   use dotyk_scheme_stopping, only: iteration_t, solver_settings_t, stopping_t, take_up
-  use dotyk_scheme_theorem_lines, only: announce_relaxation
   implicit none
   private
 

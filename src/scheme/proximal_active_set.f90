@@ -19,7 +19,7 @@
 module dotyk_scheme_proximal_active_set
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
-  use dotyk_base_thresholds, only: golden, half_digits, least_gain, rounding
+  use dotyk_base_thresholds, only: golden, half_digits, least_gain, rough, rounding
   use dotyk_scheme_active_set, only: foundation_stiffness
   use dotyk_scheme_coarse_space, only: mode_block_t
   use dotyk_scheme_contact_qp, only: contact_qp_t
@@ -53,9 +53,9 @@ module dotyk_scheme_proximal_active_set
     real(dp), allocatable :: seen(:)  !! Marks of the active sets since the pressures m_0 changed.
   end type iterate_t
 
-  !> Residual, relative, at which the active set is judged the first time, and its factor where a set comes again. prox
-  !> grows by the inverse where it does although steps are minima, up to the compliance of the row.
-  real(dp), parameter :: first_aim = 0.01_dp, closer_aim = 0.1_dp
+  !> Factor of the relative residual at which the active set is judged, where a set comes again. prox grows by the
+  !> inverse where it does although steps are minima, up to the compliance of the row.
+  real(dp), parameter :: closer_aim = 0.1_dp
   !> Active sets without a repetition after which the linear systems are solved more accurately, too.
   integer, parameter :: many_sets = 5
   !> Residual of the next linear system as fractions of the last residual and of the last change of the pressures, where
@@ -107,7 +107,7 @@ contains
     allocate (e(system%n), source=0.0_dp)
     now%prox = max(0.0_dp, system%proximal_fraction*compliance - qp%theta)
     now%active = pressure > 0 .or. qp%is_tied
-    now%aim = first_aim
+    now%aim = rough
     last = huge(last)
     foundation = foundation_stiffness(qp)
     do while (outcome%steps < most_steps)

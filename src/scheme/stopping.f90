@@ -1,19 +1,18 @@
 !> When an iteration on held bodies ends: what it measures at each step, and when there is no more to gain.
 module dotyk_scheme_stopping
-  use, intrinsic :: ieee_arithmetic, only: ieee_is_finite, ieee_is_nan, ieee_quiet_nan, ieee_value
+  use, intrinsic :: ieee_arithmetic, only: ieee_is_finite, ieee_is_nan
   use dotyk_base_interrupt, only: interrupted
   use dotyk_base_kinds, only: dp
   use dotyk_base_options, only: default_gamma_rule, default_linear_solver, default_max_iterations, default_stop_rule, &
     default_tolerance, stop_increment, stop_paper
   use dotyk_base_thresholds, only: half_digits
   use dotyk_base_timer, only: wall_time
-  use dotyk_scheme_bounds, only: duality_gap
   use dotyk_ranks_exchange, only: on_any_rank
+  use dotyk_scheme_bounds, only: duality_gap
   use dotyk_scheme_contact_qp, only: contact_qp_t
-  use dotyk_scheme_history, only: history_t
   use dotyk_scheme_monitor, only: monitor_t
-  use dotyk_scheme_solver_state, only: paused_t, solver_state_t, ended_converged, ended_limit, ended_diverged, &
-    ended_interrupted, ended_stalled, ended_time
+  use dotyk_scheme_solver_state, only: ended_converged, ended_diverged, ended_interrupted, ended_limit, ended_stalled, &
+    ended_time, history_t, paused_t, solver_state_t
   implicit none
   private
 
@@ -52,7 +51,7 @@ module dotyk_scheme_stopping
     type(stopping_t) :: stopping  !! When it ends.
   end type iteration_t
 
-  public :: relative, take_up
+  public :: take_up
 
   !> A step this many times longer than the shortest so far: the iteration diverges.
   real(dp), parameter :: growth_of_divergence = 1.0e3_dp
@@ -109,7 +108,7 @@ contains
     logical, intent(in) :: diverges  !! Whether no gain means divergence (gamma is too large) and not rounding.
     class(monitor_t), intent(inout) :: monitor  !! Gets each step, and lines for the log.
     type(solver_state_t), intent(inout) :: state  !! With the new iterate m, y.
-    real(dp), intent(in), optional :: bound_of_paper  !! Bound (41); absent where it means nothing [sqrt(energy)].
+    real(dp), intent(in) :: bound_of_paper  !! Bound (41) [sqrt(energy)].
     real(dp) :: norm, gap, measure, waited
     logical :: at_limit
     finished = .true.
@@ -120,8 +119,7 @@ contains
       state%error_bound = bound
       if (sqrt(gap) < bound) state%error_bound = sqrt(gap)
       state%error_bound = relative(state%error_bound, norm)
-      state%error_bound_paper = ieee_value(norm, ieee_quiet_nan)
-      if (present(bound_of_paper)) state%error_bound_paper = relative(bound_of_paper, norm)
+      state%error_bound_paper = relative(bound_of_paper, norm)
       state%energy = qp%energy(m, y)
       state%max_penetration = max(0.0_dp, maxval(y))
       call state%history%add(wall_time() - self%start, length, relative(length, norm), state%error_bound, &
@@ -142,8 +140,7 @@ contains
     end if
     self%shortest = min(self%shortest, length)
     ! Steps can vanish by chance.
-    if (.not. ieee_is_finite(length) .or. &
-        length > growth_of_divergence*max(self%shortest, half_digits*norm)) then
+    if (.not. ieee_is_finite(length) .or. length > growth_of_divergence*max(self%shortest, half_digits*norm)) then
       state%ended = ended_diverged
       return
     end if

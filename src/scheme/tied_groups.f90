@@ -109,7 +109,6 @@ contains
     deallocate (values, vectors)
     allocate (values(n), vectors(n, n))
     call symmetric_eigen((own + transpose(own))/2, values, vectors, error)
-    if (.not. allocated(error)) &
-      resists = values(1) > rounding*maxval(abs(scaled))
+    if (.not. allocated(error)) resists = values(1) > rounding*maxval(abs(scaled))
   end function resists_all
 end module dotyk_scheme_tied_groups

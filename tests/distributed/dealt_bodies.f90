@@ -12,8 +12,8 @@ program dealt_bodies
   use dotyk_elasticity_body_modes, only: body_modes_t
   use dotyk_input_case, only: case_t
   use dotyk_input_parse, only: read_case
-  use dotyk_model_body_parts, only: hold_parts
-  use dotyk_model_body_setup, only: body_surfaces_t, build_bodies
+  use dotyk_model_body_setup, only: build_bodies
+  use dotyk_model_body_surfaces, only: body_surfaces_t, hold_parts
   use dotyk_model_dealt_bodies, only: build_dealt_bodies
   use dotyk_model_mesh_survey, only: mesh_survey_t
   use dotyk_ranks_communication, only: end_ranks, start_ranks, this_rank

@@ -2,20 +2,19 @@
 !> a rank that does all of it, and each rank gets from the others what it has not computed.
 program divided_search
   use, intrinsic :: iso_fortran_env, only: output_unit
+  use test_bodies, only: box_t, curved
   use dotyk_base_error, only: error_t
   use dotyk_base_formula, only: formula_t
   use dotyk_base_kinds, only: dp
-  use dotyk_base_parcel, only: parcel_t
   use dotyk_base_options, only: discretization_mortar, discretization_quadrature, gap_formula, geometry_smooth, &
     quadrature_plain, quadrature_segments
-  use dotyk_contact_operator, only: build_operator, contact_operator_t
+  use dotyk_base_parcel, only: parcel_t
   use dotyk_contact_met_points, only: inside_point_t
-  use dotyk_contact_pair, only: contact_pair_t, pair_settings_t
+  use dotyk_contact_operator, only: build_operator, contact_operator_t
+  use dotyk_contact_pair, only: contact_pair_t, pair_settings_t, share_pairs
   use dotyk_contact_pair_discretization, only: discretize_pair
-  use dotyk_contact_pair_exchange, only: share_pairs
-  use dotyk_contact_penetration, only: penetration_t
   use dotyk_contact_penetration_search, only: find_penetration
-  use dotyk_contact_penetration_tolerance, only: penetration_tolerance_t
+  use dotyk_contact_penetration_tolerance, only: penetration_t, penetration_tolerance_t
   use dotyk_contact_solid_boundary, only: solid_t
   use dotyk_mesh_boundary, only: extract_boundary
   use dotyk_mesh_element, only: element_hex8, element_quad4, element_tet10
@@ -23,7 +22,6 @@ program divided_search
   use dotyk_ranks_communication, only: end_ranks, n_ranks, start_ranks, this_rank
   use dotyk_ranks_division, only: deal_out, division_t
   use dotyk_ranks_exchange, only: all_ranks, exchange_cost, exchange_cost_t
-  use test_bodies, only: box_t, curved
   implicit none
 
   real(dp), parameter :: bytes_of_point = 100  !! Numbers of a point that ranks exchange, at least [bytes].

@@ -2,10 +2,12 @@
 !> floating, and the pressures of the dual scheme with factors where surfaces are curved.
 program split_bodies
   use, intrinsic :: iso_fortran_env, only: output_unit
+  use test_multigrid_scene, only: floating, loose, multigrid_scene_t, pressed, scene_settings_t
+  use test_partition, only: cut_bodies
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp, int64
   use dotyk_contact_operator, only: contact_operator_t
-  use dotyk_distributed_index_limits, only: check_entries, check_unknowns
+  use dotyk_distributed_assembly, only: check_entries, check_unknowns
   use dotyk_distributed_part, only: part_t
   use dotyk_distributed_petsc, only: largest_of_ranks, start_petsc, stop_petsc
   use dotyk_distributed_stiffness, only: distributed_stiffness_t
@@ -15,12 +17,10 @@ program split_bodies
   use dotyk_scheme_contact_qp, only: contact_qp_t
   use dotyk_scheme_dual, only: dual_t
   use dotyk_scheme_monitor, only: monitor_t
-  use dotyk_scheme_primal_solution, only: solve_by_displacements
+  use dotyk_scheme_primal, only: solve_by_displacements
   use dotyk_scheme_proximal_active_set, only: proximal_outcome_t
   use dotyk_scheme_solver_state, only: ended_converged, solver_state_t
   use dotyk_scheme_stopping, only: solver_settings_t
-  use test_multigrid_scene, only: floating, loose, multigrid_scene_t, pressed, scene_settings_t
-  use test_partition, only: cut_bodies
   implicit none
 
   !> Tolerance of the schemes, and of pressures relative to the largest one [].

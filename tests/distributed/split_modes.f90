@@ -2,22 +2,21 @@
 !> here: the same motions at the held nodes, orthonormal over all ranks, with the same resultants and texts.
 program split_modes
   use, intrinsic :: iso_fortran_env, only: output_unit
+  use test_bodies, only: box_t, curved, hold_own_part, make_body, make_support, rotation, steel, undistorted
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp, int64
   use dotyk_base_options, only: analysis_3d, analysis_plane_strain, load_force_density, load_traction
-  use dotyk_elasticity_body, only: body_t
-  use dotyk_elasticity_rigid_motion, only: free_rigid_modes
+  use dotyk_elasticity_body, only: body_t, hold_surface
   use dotyk_elasticity_body_modes, only: body_modes_t
-  use dotyk_elasticity_held_body, only: hold_surface
+  use dotyk_elasticity_element_ranks, only: element_work, rank_elements
   use dotyk_elasticity_load, only: add_surface_load, add_volume_load, load_t
+  use dotyk_elasticity_rigid_motion, only: free_rigid_modes
   use dotyk_elasticity_shortest_extent, only: shortest_extent
   use dotyk_elasticity_support, only: support_t
   use dotyk_mesh_element, only: element_hex20, element_hex8, element_tet10, element_tri6
-  use dotyk_elasticity_element_ranks, only: element_work, rank_elements
   use dotyk_mesh_held_part, only: surface_part
   use dotyk_ranks_communication, only: end_ranks, n_ranks, start_ranks, this_rank
   use dotyk_ranks_exchange, only: add_up, greatest, on_any_rank
-  use test_bodies, only: box_t, curved, hold_own_part, make_body, make_support, rotation, steel, undistorted
   implicit none
 
   !> Differences of displacements of modes, whose squares add up to 1, and relative ones of sizes and forces [].

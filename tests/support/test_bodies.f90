@@ -4,10 +4,9 @@ module test_bodies
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp, int64
   use dotyk_elasticity_analysis, only: analysis_dimension
-  use dotyk_elasticity_body, only: body_t, stiffness_t
+  use dotyk_elasticity_body, only: body_t, hold_body, stiffness_t
   use dotyk_elasticity_discretization_error, only: estimate_discretization_errors
   use dotyk_elasticity_gradient_recovery, only: gradient_recovery_t
-  use dotyk_elasticity_held_body, only: hold_body
   use dotyk_elasticity_material, only: material_t
   use dotyk_elasticity_support, only: collect_supports, support_t
   use dotyk_linalg_cholesky, only: cholesky_t

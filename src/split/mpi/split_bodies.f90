@@ -9,6 +9,7 @@ module dotyk_split_split_bodies
   use dotyk_distributed_system, only: distributed_system_t
   use dotyk_elasticity_body, only: body_t
   use dotyk_elasticity_body_modes, only: body_modes_t
+  use dotyk_response_multigrid_response, only: accuracy
   use dotyk_response_response, only: equation_vector_t
   use dotyk_scheme_proximal_system, only: solve_outcome_t
   implicit none
@@ -41,8 +42,6 @@ module dotyk_split_split_bodies
     procedure :: destroy => bodies_destroy
   end type split_bodies_t
 
-  !> Reduction of the residual of a solve: a few digits below the tolerances that users ask for [].
-  real(dp), parameter :: accuracy = 1.0e-10_dp
   integer, parameter :: most_steps = 300  !! Iterations of a solve at most.
 
 contains
