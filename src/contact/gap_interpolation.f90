@@ -15,8 +15,9 @@
 !> r is a combination of the quadratic functions that vanish at the vertices, by least squares over the integration
 !> points of the facet and those of its vertices that have a projection: so it is known on facets of which only a part
 !> has one; there by ridge regression, or errors of patches would be taken for a steep r. Patches of the smooth surface
-!> are quadratic, so that this is exact over a planar master surface; elsewhere the small rest is taken off as well. A gap with kinks is no such combination, and stays as it is, unless it is least
-!> at a vertex: on the flank of a cone beside a flat end rows have the gap at the rim.
+!> are quadratic, so that this is exact over a planar master surface; elsewhere the small rest is taken off as well. A
+!> gap with kinks is no such combination, and stays as it is, unless it is least at a vertex: on the flank of a cone
+!> beside a flat end rows have the gap at the rim.
 module dotyk_contact_gap_interpolation
   use dotyk_base_error, only: error_t
   use dotyk_base_formula, only: formula_t
