@@ -260,19 +260,21 @@ contains
     real(dp), allocatable :: sight_a(:), sight_b(:)
     logical :: kept(near%n)
     integer :: i, a, b
+    real(dp), parameter :: unknown = -2
     kept = .not. (several_a(near%facet_a) .and. several_b(near%facet_b))
     if (all(kept)) return
     a = near%body_a
     b = near%body_b
     allocate (sight_a(size(several_a)), sight_b(size(several_b)))
-    sight_a = -1
-    sight_b = -1
+    sight_a = unknown
+    sight_b = unknown
     do i = 1, near%n
       if (kept(i)) cycle
       associate (f => near%facet_a(i), g => near%facet_b(i))
-        if (sight_a(f) < 0) sight_a(f) = sight(faces, a, f, neighbour_a, b)
-        if (sight_b(g) < 0) sight_b(g) = sight(faces, b, g, neighbour_b, a)
-        kept(i) = near%distance(i) <= max(sight_a(f), sight_b(g))
+        if (sight_a(f) <= unknown) sight_a(f) = sight(faces, a, f, neighbour_a, b)
+        if (sight_b(g) <= unknown) sight_b(g) = sight(faces, b, g, neighbour_b, a)
+        ! What one facet does not see is hidden unless the other one sees it.
+        kept(i) = near%distance(i) <= max(sight_a(f), sight_b(g)) .or. max(sight_a(f), sight_b(g)) < 0
       end associate
     end do
     near%facet_a = pack(near%facet_a, kept)
@@ -282,8 +284,8 @@ contains
     near%n = count(kept)
   end subroutine keep_visible
 
-  !> How far a facet sees in the direction of its normal, from the best of its sample points, before the middle of a
-  !> body other than its own and the one that it looks for [length].
+  !> How far a facet sees in the direction of its normal, from the best of its sample points that have the body that it
+  !> looks for before them, up to the middle of another body; -1 without such points [length].
   real(dp) function sight(faces, body, facet, neighbour, target)
     type(body_faces_t), intent(in) :: faces(:)  !! Boundary facets of the bodies (n_bodies).
     integer, intent(in) :: body  !! Body of the facet.
@@ -292,22 +294,32 @@ contains
     integer, intent(in) :: target  !! Body that it looks for.
     real(dp) :: point(3), centre(3), enters, leaves, free
     integer :: s, i
-    sight = 0
+    sight = -1
     centre = faces(body)%centre(facet)
     do s = 0, faces(body)%n_corners(facet)
       point = centre
       if (s > 0) point = centre + towards_corner*(faces(body)%corner(:, s, facet) - centre)
+      call look_at(target)
+      if (.not. leaves < huge(leaves)) cycle
       free = huge(free)
       do i = 1, size(neighbour)
         if (neighbour(i) == target) cycle
-        associate (other => faces(neighbour(i)))
-          call other%cross_along(point, faces(body)%normal(:, facet), -greatest_overlap*other%diameter, &
-                                 2*faces(body)%diameter + other%diameter, 0, enters, leaves)
-        end associate
+        call look_at(neighbour(i))
         if (leaves < huge(leaves)) free = min(free, (max(enters, 0.0_dp) + leaves)/2)
       end do
       sight = max(sight, free)
     end do
+
+  contains
+
+    !> Where a body is before the sample point.
+    subroutine look_at(b)
+      integer, intent(in) :: b  !! The body.
+      associate (other => faces(b))
+        call other%cross_along(point, faces(body)%normal(:, facet), -greatest_overlap*other%diameter, &
+                               2*faces(body)%diameter + other%diameter, 0, enters, leaves)
+      end associate
+    end subroutine look_at
   end function sight
 
   !> Whether two facets in three dimensions meet along edges that are parallel, side by side at least in part.
