@@ -9,7 +9,7 @@ module dotyk_control_gap_doubt
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
   use dotyk_base_options, only: analysis_axisymmetric
-  use dotyk_base_thresholds, only: rounding
+  use dotyk_base_thresholds, only: notable, rounding
   use dotyk_contact_contact_patches, only: contact_patch_t, find_patches
   use dotyk_contact_narrow_contact, only: find_narrow_contact
   use dotyk_control_body_solution, only: displacements_t
@@ -39,7 +39,7 @@ module dotyk_control_gap_doubt
     real(dp) :: hertz_peak = 0  !! The same by Hertz; 0 where no contact is narrower than a facet [pressure].
   end type gap_doubt_t
 
-  public :: find_gap_doubt, is_doubtful
+  public :: find_gap_doubt, is_doubtful, is_narrow
 
   !> Part of the greatest force from which on the uncertainty of a force makes the results doubtful []. Displacements
   !> are told only: floating bodies on coarse facets move by more than their load moves them.
@@ -60,6 +60,12 @@ contains
     type(gap_doubt_t), intent(in) :: doubt(:)  !! Of all pairs (n_pairs).
     is_doubtful = any(doubt%force_part > doubtful_part)
   end function is_doubtful
+
+  !> Whether the contact of a pair is so much narrower than a facet that its greatest pressure is notably too low.
+  elemental logical function is_narrow(doubt)
+    type(gap_doubt_t), intent(in) :: doubt  !! Of the pair.
+    is_narrow = doubt%hertz_peak > (1 + notable)*doubt%peak
+  end function is_narrow
 
   !> Find it for all pairs.
   subroutine find_gap_doubt(problem, qp, compliance, linear_solver, scheme, displacements, state, doubt)

@@ -13,12 +13,13 @@ module dotyk_control_quantity_error
   use dotyk_base_kinds, only: dp
   use dotyk_base_options, only: analysis_axisymmetric, last_linear_quantity, quantity_displacement, quantity_force, &
     quantity_reaction
-  use dotyk_base_thresholds, only: rounding
+  use dotyk_base_thresholds, only: notable, rounding
   use dotyk_contact_pair, only: pair_force
   use dotyk_control_body_solution, only: body_solution_t, displacements_t, element_field_t
   use dotyk_control_contact_problem, only: congruent_group_t, congruent_groups, contact_problem_t, first_mode, &
     most_bodies
   use dotyk_control_error_budget, only: error_budget_t
+  use dotyk_control_gap_doubt, only: gap_doubt_t, is_narrow
   use dotyk_control_kept_estimates, only: kept_estimates_t
   use dotyk_control_mesh_error, only: collect_thermal, to_representative
   use dotyk_control_parallel, only: set_blas_threads
@@ -54,6 +55,7 @@ module dotyk_control_quantity_error
   integer, parameter, public :: bar_singular = 6     !< the linearized contact does not determine its forces
   integer, parameter, public :: bar_one_mesh = 7     !< it has no dual solution, and no finer mesh to compare with
   integer, parameter, public :: bar_no_limit = 8     !< it grows from mesh to mesh: it is singular
+  integer, parameter, public :: bar_narrow = 9       !< a contact is narrower than a facet: the estimate misses its error
 
   type, public :: quantity_value_t  !! A quantity in a load case.
     character(:), allocatable :: name  !! Its name.
@@ -147,7 +149,7 @@ contains
   end function errors_name_without_limit
 
   !> Values and errors of quantities. The load case acts on the bodies.
-  subroutine find_quantity_errors(problem, qp, compliance, linear_solver, quantity, state, budget, kept, &
+  subroutine find_quantity_errors(problem, qp, compliance, linear_solver, quantity, state, doubt, budget, kept, &
                                   displacements, errors, error)
     type(contact_problem_t), intent(in) :: problem  !! Bodies, modes, pairs and ties.
     type(contact_qp_t), intent(in) :: qp  !! The quadratic programme.
@@ -155,6 +157,7 @@ contains
     integer, intent(in) :: linear_solver  !! One of `linear_solver_*` of dotyk_base_options.
     type(quantity_t), intent(in) :: quantity(:)  !! The quantities, those that are linear first (n).
     type(solver_state_t), intent(in) :: state  !! The solution.
+    type(gap_doubt_t), intent(in) :: doubt(:)  !! What hangs on uncertain gaps (n_pairs).
     type(error_budget_t), intent(in) :: budget  !! Its errors.
     type(kept_estimates_t), intent(inout) :: kept  !! What estimates keep.
     type(displacements_t), intent(inout) :: displacements  !! Known; gets recovered strains for nodal stresses.
@@ -171,7 +174,7 @@ contains
     end do
     n = count(errors%of%is_linear)
     if (n == 0) return
-    why = why_unknown(qp, compliance, budget)
+    why = why_unknown(qp, compliance, budget, doubt)
     if (why /= bar_is_known) then
       do i = 1, n
         if (errors%of(i)%why_unknown == bar_is_known) call forget(why, errors%of(i))
@@ -198,11 +201,13 @@ contains
   end subroutine find_quantity_errors
 
   !> Why no error is known; `bar_is_known` otherwise.
-  pure integer function why_unknown(qp, compliance, budget) result(why)
+  pure integer function why_unknown(qp, compliance, budget, doubt) result(why)
     type(contact_qp_t), intent(in) :: qp  !! As in `find_quantity_errors`.
     type(body_compliance_t), intent(in) :: compliance  !! As in `find_quantity_errors`.
     type(error_budget_t), intent(in) :: budget  !! As in `find_quantity_errors`.
+    type(gap_doubt_t), intent(in) :: doubt(:)  !! As in `find_quantity_errors` (n_pairs).
     why = bar_is_known
+    if (any(is_narrow(doubt) .and. doubt%force > notable*maxval(doubt%force))) why = bar_narrow
     if (allocated(qp%coarse%lift)) why = bar_soft
     if (compliance%solve_error() > 0 .or. compliance%solves_together()) why = bar_no_factors
     if (.not. allocated(budget%of_element) .or. ieee_is_nan(budget%discretization)) why = bar_no_estimate

@@ -88,7 +88,7 @@ contains
         if (allocated(solution%state%pressure) .and. size(scene%quantity) > 0) then
           call monitor%begin_phase(phase_estimate)
           call find_quantity_errors(scene%problem, solution%qp, scene%compliance, run%settings%linear_solver, &
-                                    scene%quantity, solution%state, solution%budget, scene%kept, &
+                                    scene%quantity, solution%state, solution%gap_doubt, solution%budget, scene%kept, &
                                     solution%displacements, solution%quantities, error)
           if (.not. allocated(error)) &
             call find_mesh_quantities(scene%problem, solution%qp, scene%quantity, solution%state, scene%kept, &

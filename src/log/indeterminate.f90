@@ -128,7 +128,7 @@ contains
       if (count(state%rest > max_unbalanced) > 1) &
         text = text//' (of '//to_text(count(state%rest > max_unbalanced))//' bodies the largest)'
       call log%line('  warning          the mesh turns '//text//' into a moment: facets press beside the '// &
-                    'centre of a round surface; forces hold, moments are off by as much; refine the mesh there')
+                    'centre of a round surface; moments are off by as much, and the directions of forces; refine there')
       return
     end if
     if (count(state%excess > max_unbalanced) > 1) &

@@ -12,8 +12,8 @@ module dotyk_log_result_tables
   use dotyk_control_contact_problem, only: contact_problem_t
   use dotyk_control_nodal_stresses, only: nodal_stress_t
   use dotyk_control_pressures, only: nodal_field_t, pair_solution_t, well_covered
-  use dotyk_control_quantity_error, only: bar_is_known, bar_no_contact, bar_no_estimate, bar_no_factors, bar_no_limit, &
-    bar_one_mesh, bar_singular, bar_soft, bar_zero, quantity_errors_t, quantity_value_t
+  use dotyk_control_quantity_error, only: bar_is_known, bar_narrow, bar_no_contact, bar_no_estimate, bar_no_factors, &
+    bar_no_limit, bar_one_mesh, bar_singular, bar_soft, bar_zero, quantity_errors_t, quantity_value_t
   use dotyk_elasticity_body, only: body_t
   use dotyk_elasticity_nodal_stress, only: von_mises
   use dotyk_log_case_tables, only: concentrated, resultant_line, vector_text
@@ -302,6 +302,8 @@ contains
       text = 'contact forces are not unique'
     case (bar_one_mesh)
       text = 'it takes two meshes that resolve the contact, as of &accuracy'
+    case (bar_narrow)
+      text = 'a contact is narrower than a facet; refine there'
     case (bar_no_limit)
       text = 'it grows from mesh to mesh and has no limit'
     case default

@@ -11,7 +11,7 @@ module dotyk_log_summary
   use dotyk_control_contact_problem, only: contact_problem_t
   use dotyk_control_contact_solution, only: contact_solution_t, energies_t, solution_goal_t
   use dotyk_control_error_budget, only: error_budget_t
-  use dotyk_control_gap_doubt, only: gap_doubt_t
+  use dotyk_control_gap_doubt, only: gap_doubt_t, is_narrow
   use dotyk_control_refinement, only: conditioning_t
   use dotyk_elasticity_body, only: body_t
   use dotyk_input_case, only: output_input_t
@@ -297,7 +297,7 @@ contains
     if (any(ieee_is_nan(doubt%force_change)) .and. any(doubt%uncertainty > 0)) &
       call log%line('  uncertain        gaps are known to '//to_text(maxval(doubt%uncertainty), 2)// &
                     ' only; what hangs on them could not be found')
-    is_low = doubt%hertz_peak > (1 + notable)*doubt%peak
+    is_low = is_narrow(doubt)
     part = max(doubt%force_part, doubt%moved_part)
     is_shown = .false.
     do i = 1, min(most_lines, count(part > notable))
