@@ -49,9 +49,9 @@ module dotyk_control_gap_doubt
   real(dp), parameter :: negligible = 1.0e-3_dp
   !> Springs of floating bodies are a fraction of their contact as a whole; of a few rows it is ten times as much [].
   real(dp), parameter :: of_springs = 30
-  !> Another solution takes so many active sets more than this one at most. Fewer than this one took leave heaps of
-  !> bodies out of equilibrium, and their forces look uncertain.
-  integer, parameter :: most_more = 3
+  !> Another solution takes so many active sets more than this one at most, and so many where this one took few. Fewer
+  !> than this one took leave heaps of bodies out of equilibrium, and their forces look uncertain.
+  integer, parameter :: most_more = 3, enough = 20
 
 contains
 
@@ -203,7 +203,7 @@ contains
     integer :: k
     settings%linear_solver = linear_solver
     settings%tolerance = max(settings%tolerance, state%error_bound)
-    settings%max_iterations = state%history%n + most_more
+    settings%max_iterations = max(state%history%n + most_more, enough)
     shifted = qp
     call shifted%shift_gap(shift)
     other = state
@@ -214,6 +214,8 @@ contains
     else if (all(other%ended /= [ended_converged, ended_limit, ended_solves, ended_stalled]) .and. &
              allocated(other%pressure)) then
       deallocate (other%pressure)
+    else if (allocated(other%excess) .and. allocated(other%pressure)) then
+      if (any(other%excess > qp%coarse%max_unbalanced)) deallocate (other%pressure)
     end if
     do k = 1, size(doubt)
       associate (first => qp%pair_first_row(k), last => qp%pair_first_row(k + 1) - 1, of => doubt(k))

@@ -55,7 +55,7 @@ module dotyk_control_quantity_error
   integer, parameter, public :: bar_singular = 6     !< the linearized contact does not determine its forces
   integer, parameter, public :: bar_one_mesh = 7     !< it has no dual solution, and no finer mesh to compare with
   integer, parameter, public :: bar_no_limit = 8     !< it grows from mesh to mesh: it is singular
-  integer, parameter, public :: bar_narrow = 9       !< a contact is narrower than a facet: the estimate misses its error
+  integer, parameter, public :: bar_narrow = 9       !< a contact is narrower than a facet, which estimates do not see
 
   type, public :: quantity_value_t  !! A quantity in a load case.
     character(:), allocatable :: name  !! Its name.
