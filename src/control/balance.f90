@@ -57,6 +57,10 @@ module dotyk_control_balance
     !> The same of the moments about points amid the bodies, however far they are from the origin; 0 in axisymmetric
     !> analyses [].
     real(dp) :: moment_error = 0
+    !> Sum of the moments of the contact forces on all bodies, as a fraction of the sum of those of all nodal forces
+    !> about points amid the bodies: action and reaction are not on one line; 0 with cyclic ties and in axisymmetric
+    !> analyses [].
+    real(dp) :: couple_error = 0
     integer :: worst = 0  !! The body with the largest sum of forces.
     type(tie_force_t), allocatable :: tie(:)  !! What ties transmit (n_ties).
   end type balance_t
@@ -109,6 +113,9 @@ contains
     end do
     balance%tie = find_tie_forces(problem, pressure, penetration)
     call judge(balance)
+    if (problem%n_ties() > 0) then
+      if (any(abs(problem%tie%angle) > 0)) balance%couple_error = 0
+    end if
   end subroutine find_balance
 
   !> Numbers of one body, of which each rank that computes it has a part.
@@ -264,6 +271,7 @@ contains
   pure subroutine judge(balance)
     type(balance_t), intent(inout) :: balance  !! With the forces on all bodies; gets the errors.
     real(dp), dimension(size(balance%body)) :: force, moment
+    real(dp) :: couple(3)
     integer :: b
     do b = 1, size(balance%body)
       associate (of => balance%body(b))
@@ -273,6 +281,11 @@ contains
     end do
     balance%worst = maxloc(force, 1)
     balance%force_error = maxval(force)/max(tiny(1.0_dp), maxval(balance%body%force_scale))
+    couple = 0
+    do b = 1, size(balance%body)
+      couple = couple + balance%body(b)%contact%moment
+    end do
+    balance%couple_error = norm2(couple)/max(tiny(1.0_dp), sum(balance%body%about_centre(4)))
     balance%moment_error = maxval(moment)/max(tiny(1.0_dp), maxval(balance%body%about_centre(4)))
   end subroutine judge
 

@@ -6,6 +6,7 @@ module dotyk_log_result_tables
   use dotyk_base_log, only: log_t, most_shown
   use dotyk_base_options, only: analysis_axisymmetric
   use dotyk_base_text, only: counted, quoted, to_text
+  use dotyk_base_thresholds, only: half_digits
   use dotyk_contact_pair, only: contact_pair_t
   use dotyk_control_balance, only: balance_t
   use dotyk_control_body_solution, only: body_solution_t
@@ -155,6 +156,9 @@ contains
                     to_text(sum(balance%body%energy), 6)//' together, the largest '// &
                     to_text(balance%body(b)%energy, 6)//' in '//quoted(body(b)%name))
     end if
+    if (balance%couple_error > half_digits) &
+      call log%line('  warning          contact forces on the two sides of pairs are not on one line: their '// &
+                    'moments differ by '//to_text(100*balance%couple_error, 2)//' % of all moments; do not use the results')
     if (.not. maxval(balance%body%force_scale) > 0) return
     moments = ''
     if (balance%moment_error > 0) moments = ', moments '//to_text(balance%moment_error, 2)
