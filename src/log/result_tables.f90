@@ -158,7 +158,7 @@ contains
     end if
     if (balance%couple_error > half_digits) &
       call log%line('  warning          contact forces on the two sides of pairs are not on one line: their '// &
-                    'moments differ by '//to_text(100*balance%couple_error, 2)//' % of all moments; do not use the results')
+                    'moments differ by '//to_text(100*balance%couple_error, 2)//' % of all; do not use the results')
     if (.not. maxval(balance%body%force_scale) > 0) return
     moments = ''
     if (balance%moment_error > 0) moments = ', moments '//to_text(balance%moment_error, 2)
