@@ -193,9 +193,9 @@ def penetrations(assembly, bodies, before, stated):
 
 
 def stated_imbalance(log):
-    """Forces along motions that contact does not determine, which the log states, relative to those on the body."""
-    found = re.search(r"least motion taken; ([-\d.eE+]+) % of the loads rest on it", log)
-    return float(found[1]) / 100 if found else 0.0
+    """Forces along motions that contact does not determine, which the log states last, relative to those on the body."""
+    found = re.findall(r"least motion taken; ([-\d.eE+]+) % of the loads rest on it", log)
+    return float(found[-1]) / 100 if found else 0.0
 
 
 def stated_depths(assembly, log):

@@ -6,7 +6,7 @@ module dotyk_log_result_tables
   use dotyk_base_log, only: log_t, most_shown
   use dotyk_base_options, only: analysis_axisymmetric
   use dotyk_base_text, only: counted, quoted, to_text
-  use dotyk_base_thresholds, only: half_digits
+  use dotyk_base_thresholds, only: half_digits, notable
   use dotyk_contact_pair, only: contact_pair_t
   use dotyk_control_balance, only: balance_t
   use dotyk_control_body_solution, only: body_solution_t
@@ -63,14 +63,16 @@ contains
   function area_of(solution) result(text)
     type(pair_solution_t), intent(in) :: solution  !! Pressures and forces of the pair.
     character(:), allocatable :: text
+    integer :: n
     if (solution%n_active == 0) then
       text = ', open: least gap '//to_text(solution%least_gap, 4)
       return
     end if
     text = ', contact area '//to_text(solution%area, 5)
     associate (patch => solution%patch, i => maxloc(solution%patch%area, 1))
-      if (size(patch) > 1) text = text//' in '//to_text(size(patch))//' patches (the largest '// &
-                                  to_text(patch(i)%area, 5)//' around '//vector_text(patch(i)%centre)//')'
+      n = count(patch%area > notable*patch(i)%area)
+      if (n > 1) text = text//' in '//to_text(n)//' patches (the largest '//to_text(patch(i)%area, 5)//' around '// &
+                        vector_text(patch(i)%centre)//')'
     end associate
   end function area_of
 

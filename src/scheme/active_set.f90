@@ -257,7 +257,8 @@ contains
   pure function foundation_stiffness(qp) result(stiffness)
     type(contact_qp_t), intent(in) :: qp  !! Contact rows, initial penetrations, rigid body modes.
     real(dp), allocatable :: stiffness(:)
-    stiffness = qp%weight/(qp%foundation + qp%theta)
+    ! Infinite where both sides are rigid.
+    stiffness = qp%weight/max(tiny(1.0_dp), qp%foundation + qp%theta)
   end function foundation_stiffness
 
   !> Solve the system of the active set for the new iterate.

@@ -11,8 +11,8 @@
 !> What the springs carry is the imbalance `r = T (alpha_{k+1} - alpha_k)` of the body. The iteration ends when it is
 !> rounding, or no more than `max_unbalanced` of the forces on a body that goes on moving along a direction in which the
 !> rows G resist by no more than they are uncertain (`deviation` of `dotyk_scheme_coarse_space`), and along which loads
-!> do not act: contact does not determine such a motion. Where other bodies at rest would resist it no more, the body is
-!> brought back, and its springs become nearly as stiff as the contact there.
+!> do not act: contact does not determine such a motion. Where it is far, and other bodies at rest would resist it no
+!> more, the body is brought back, and its springs become nearly as stiff as the contact there.
 !>
 !> Bodies that ties join are one: they have no springs where ties, springs and supports resist all their motions, and
 !> what resists one of them is what resists all together. Shortenings of bolts have none.
@@ -71,6 +71,7 @@ module dotyk_scheme_proximal_motion
   real(dp), parameter :: spins = 0.9_dp, half = 0.5_dp
   !> Loads act along a motion where they do more than this part of the work that they could do at all [].
   real(dp), parameter :: acting = one_digit
+  real(dp), parameter :: far = 10  !! A body moves far that moves by more than this times the approach of its contact.
   integer, parameter :: most_steps = 60  !! Steps at most.
 
 contains
@@ -269,7 +270,7 @@ contains
           associate (g => self%group(b))
             self%rest(b) = max(self%rest(b), size_now/on_group(g))
             self%excess(b) = max(self%excess(b), size_now/on_group(g))
-            is_free = is_uncertain(alone(g), g)
+            is_free = is_uncertain(alone(g), g) .and. whole(g)*weight(g)**2 > (far*on_group(g))**2
             may_rest = is_uncertain(resisted(g), g)
             if (goes_on .and. may_rest .and. abs(work(g)) > acting*most_work(g)) &
               self%excess(b) = max(self%excess(b), abs(work(g))/most_work(g))

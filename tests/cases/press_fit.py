@@ -255,15 +255,14 @@ Physical Curve("joint") = {joint[]};
         self.assertGreater(np.max(np.abs(pressure / self.lever(8.0, held)[1] - 1)), 1e-3)
 
     def test_load_that_nothing_resists(self):
-        """A moment about the pin on a lever that may swing: weak springs carry up to one percent of the contact forces, and
-        the log says so; a larger one swings it far beyond small rotations, which is no solution."""
+        """A moment about the pin on a lever that may swing, however small it is beside the contact forces, swings it far
+        beyond small rotations: no solution."""
         held = ["&support body='pin', surface='bore', fix='xyz' /", "&support body='lever', surface='low', fix='z' /"]
         force = 2 * np.pi * np.mean(self.lever(8.0, held)[1])
-        for part, code in (0.05, 1), (0.005, 0), (0.0005, 0):
+        for part in 0.05, 0.005, 0.0005:
             with self.subTest(part=part):
                 load = "&load body='lever', surface='tip', force=0,%r,0 /" % (part * force)
-                log = self.lever(8.0, held + [load], code=code)[2]
-                self.assertIn("of the loads rest on it" if code == 0 else "'lever' rotates by", log)
+                self.assertIn("'lever' rotates by", self.lever(8.0, held + [load], code=1)[2])
 
     def test_rigid_ring_held_beside_its_axis(self):
         """A pin in a rigid ring that may rotate about a point beside the pin: the ring has no spin of its own, and the two
