@@ -312,7 +312,7 @@ contains
     end subroutine find_forces
 
     !> Forces of the springs of body b; in directions that are held their feet stay, and the step is without these. A
-    !> direction is released where loads act along it, or the springs carry, more than the uncertainty of the normals
+    !> direction is released where loads act along it, or the springs carry more than the uncertainty of the normals
     !> makes of the contact forces.
     subroutine judge_held()
       real(dp), allocatable :: held(:, :), carried(:), uncertain_part(:), load(:), most_load(:)
@@ -333,10 +333,10 @@ contains
                            j=1, size(held, 2))]/(uncertain*on_body)
         self%excess(b) = maxval([0.0_dp, abs(carried) - uncertain_part])
         load = abs(matmul(qp%coarse%resultant(first:last), self%loaded(b)%value))
-        carried = max(abs(carried), load/on_body)
         most_load = matmul(qp%coarse%resultant_size(first:last), abs(self%loaded(b)%value))
-        kept = pack([(j, j=1, size(carried))], .not. (carried - uncertain_part > qp%coarse%max_unbalanced .or. &
-                                                      load > acting*most_load))
+        ! The axis of the loads is known roughly: springs that carry next to nothing know better.
+        carried = max(abs(carried) - uncertain_part, min(abs(carried), load/on_body))
+        kept = pack([(j, j=1, size(carried))], .not. (carried > qp%coarse%max_unbalanced .or. load > acting*most_load))
         if (size(kept) == size(carried)) return
         self%held(b)%value = held(:, kept)
         held = self%loaded(b)%value(:, kept)
