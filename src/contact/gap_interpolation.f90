@@ -202,7 +202,7 @@ contains
     !> Quadrature weights of the points (n_points) [length^2; length in two dimensions].
     real(dp), intent(in) :: area(:)
     integer, intent(in) :: n_vertices  !! Number of vertices of the facet among the points, the last ones.
-    real(dp), intent(in) :: noise  !! Errors of the gaps that no function has [length].
+    real(dp), intent(in) :: noise  !! How uncertain the gaps at the points are [length].
     real(dp), intent(inout) :: gap(:)  !! Gaps at the points (n_points) [length].
     real(dp), allocatable, intent(out) :: bend(:)  !! What was taken off (n_points) [length].
     !> What of r is left where the facet can bend (n_points) [length].
@@ -286,7 +286,8 @@ contains
     real(dp), intent(in) :: functions(:, :)  !! Functions at the points (n, n_points) [].
     real(dp), intent(in) :: weight(:)  !! Weights of the points (n_points) [].
     real(dp), intent(in) :: value(:)  !! Values to be approximated (n_points) [any].
-    real(dp), intent(in) :: ridge  !! Of ridge regression: mean squares far below it determine nothing [].
+    !> Parameter of ridge regression: combinations with a mean square far below it get next to nothing [].
+    real(dp), intent(in) :: ridge
     real(dp) :: coefficient(size(functions, 1))  !! Coefficients (n) [as `value`].
     type(error_t), allocatable :: error
     real(dp) :: matrix(size(functions, 1), size(functions, 1)), vectors(size(functions, 1), size(functions, 1))

@@ -334,7 +334,7 @@ contains
         self%excess(b) = maxval([0.0_dp, abs(carried) - uncertain_part])
         load = abs(matmul(qp%coarse%resultant(first:last), self%loaded(b)%value))
         most_load = matmul(qp%coarse%resultant_size(first:last), abs(self%loaded(b)%value))
-        ! The axis of the loads is known roughly: springs that carry next to nothing know better.
+        ! The axis of the spin is known roughly, and so is the moment of the loads: none that springs do not carry.
         carried = max(abs(carried) - uncertain_part, min(abs(carried), load/on_body))
         kept = pack([(j, j=1, size(carried))], .not. (carried > qp%coarse%max_unbalanced .or. load > acting*most_load))
         if (size(kept) == size(carried)) return
